@@ -51,7 +51,7 @@ def border_odds(found: PersonCandidates, seen: SceneObservations, scores: Array)
 
 @njit(cache=True, error_model="numpy")
 def odds_of(places, shifts, member, seen, scores):
-    """Return the odds (D, J) of `border_odds`.
+    """Return prior odds (D, J) that 2D joints are artefacts of a border; compiled part of `border_odds`.
 
     Args:
         places: (P, J, 3) m, world, joints of the people.
@@ -95,7 +95,7 @@ def artefacts(
 
 @njit(cache=True, error_model="numpy")
 def mark_artefacts(solved, expected, members, seen, odds, cauchy):
-    """Return the mask (D, J) of `artefacts`.
+    """Return a mask (D, J) of the 2D joints that are artefacts of a border; compiled part of `artefacts`.
 
     Args:
         expected: Positions (P, J, 3) m, spreads (P, J) m and velocities (P, J, 3) m/s of `JointPredictions`.

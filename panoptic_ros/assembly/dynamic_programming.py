@@ -18,7 +18,7 @@ Array = np.ndarray
 IMPOSSIBLE = -np.inf
 SKIP_WEIGHT = 0.5  # weight of a part that skips a joint, relative to a bone
 HEAD_VIEWS = 2  # minimum number of views in which a skeleton claims its head
-VGA = (640, 480)  # px, image size that the gate refers to
+VGA = (640, 480)  # px, image size for which the gate is stated
 
 
 @dataclass(frozen=True, slots=True, eq=False)

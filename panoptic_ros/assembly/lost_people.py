@@ -23,7 +23,7 @@ Array = np.ndarray
 
 MIN_VIEWS = 3  # minimum number of views of a node; two views of an empty place can agree by chance
 MIN_SHARE = 0.5  # minimum share of joints that nodes show
-MIN_VOTE = 0.3  # smallest mean vote of the joints, which most views show; joints of fewer views reach 0.2
+MIN_VOTE = 0.3  # smallest mean vote of the joints. Joints that most views show exceed it, others reach 0.2
 EXPLAINED = 0.15  # m, nodes nearer to a known person's joint, or its mirror joint, are explained
 LENGTH_SHARE = 0.25  # relative standard deviation of bone lengths between people
 SKIP_WEIGHT = 0.5  # weight of a part that skips a joint
@@ -167,7 +167,7 @@ def _kinds_of_parts(skeleton: SkeletonModel) -> Array:
 def typical_lengths(people: Array, kinds: Array) -> Array:
     """Return the median length (K,) m of each kind of part over people (P, J, 3) m.
 
-    It is NaN for kinds that are no bone, and for bones that no person has.
+    It is NaN for kinds that are not bones, and for bones that no person has.
     """
     lengths = np.linalg.norm(people[:, kinds[:, 0]] - people[:, kinds[:, 1]], axis=-1)
     known = (kinds[:, 2] >= 0) & np.isfinite(lengths).any(axis=0)

@@ -119,7 +119,7 @@ class NoiseTable:
         return precisions
 
     def tails(self, marks: NoiseCovariates) -> Array:
-        """Return the factors (D, J) on the standard deviations of 2D joints where few views show a joint."""
+        """Return the factors (D, J) on standard deviations of joints that few views show."""
         tails: Array = tails_of(marks, self._learnt.tails)
         return tails
 
@@ -135,7 +135,7 @@ class NoiseTable:
 
 @njit(cache=True, error_model="numpy")
 def look_up(marks, learnt, focals, diagonals):
-    """Return the result of `NoiseTable.precisions`.
+    """Return 1 / standard deviation (D, J) of 2D joints on the normalised plane, 0 = missing.
 
     Args:
         focals, diagonals: (C,) px.
@@ -157,7 +157,7 @@ def look_up(marks, learnt, focals, diagonals):
 
 @njit(cache=True, error_model="numpy")
 def tails_of(marks, tails):
-    """Return the result of `NoiseTable.tails`."""
+    """Return the factors (D, J) on standard deviations of joints that few views show."""
     result = np.ones(marks.scores.shape)
     for d, j in np.ndindex(marks.scores.shape):
         if marks.scores[d, j] > 0.0:

@@ -113,7 +113,7 @@ def _project(position, shift, cams, v, place, box):
 
 @njit(cache=True, error_model="numpy")
 def _apart(box, left, right, top, bottom, near):
-    """Return whether all joints in a box lie beside these borders, or not behind this depth.
+    """Return whether no joint of a box can be hidden: all are outside of these borders, or not behind `near`.
 
     The conditions are combined without short circuit, so that the processor predicts one branch.
     """

@@ -11,7 +11,7 @@ from panoptic_ros.solving.scene import seen_at
 MOST = 1000  # approximate maximum number of residuals per instant
 # scale of the coordinates whose digits decide which observations are used, if there are more than MOST
 THINNING = 1e7
-LEVERAGE = 0.7  # largest leverage of a used observation; one that decides alone leaves no residual
+LEVERAGE = 0.7  # largest leverage of a used observation; at leverage 1 its residual is always 0
 TWO_VIEW_LEVERAGE = 0.9  # largest leverage of a used observation of a joint of two views
 TWO_VIEW_FACTOR = 1.2345  # two views leave one residual: |N(0, 1)| has another median than a 2D length
 

@@ -57,7 +57,7 @@ def assign(
 
 @njit(cache=True, error_model="numpy")
 def assign_greedily(positions, shifts, seen, mirror, free, scale, least):
-    """Return the result of `assign` as arrays.
+    """Assign free 2D poses to predicted people, best agreement first; compiled part of `assign`.
 
     Args:
         least: Agreement from which a 2D pose belongs to a skeleton.

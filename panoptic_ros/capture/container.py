@@ -56,7 +56,7 @@ def find_cut(path: Path) -> str:
 
 
 def hidden_seconds(path: Path) -> float:
-    """Return how much of the video (s) is counted as frames but never shown; 0 for an AVI.
+    """Return the duration (s) of frames that the file counts but players never show; 0 for an AVI.
 
     The edit list of an MP4 hides the start of a trimmed copy. Encoders that reorder frames hide a delay of a
     few frames. The result is infinite if the container does not count single frames, or has several edits.

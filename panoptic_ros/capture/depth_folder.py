@@ -71,7 +71,7 @@ class DepthSource:
         """Return the depth map of a frame.
 
         Raises:
-            DataError: if it is missing, or its file is no depth map of the frame's image.
+            DataError: if it is missing, or its file is not a depth map of the frame's image.
         """
         number = frame.frame_number
         if number >= len(self._files):
@@ -100,7 +100,7 @@ def read_depth(file: Path, unit_m: float = 1e-3) -> np.ndarray:
     """Read a depth map (h, w) float32 m from a PNG with counts of `unit_m`.
 
     Raises:
-        DataError: if it is no 16-bit PNG with one channel.
+        DataError: if it is not a 16-bit PNG with one channel.
     """
     data = np.frombuffer(read_bytes(file), np.uint8)
     with quiet_opencv():

@@ -70,7 +70,7 @@ class DeviceSource:
         opener: Replaces OpenCV in tests.
 
     Raises:
-        UsageError: if it is no device name.
+        UsageError: if it is not a device name.
         BackendError: if it cannot be opened, or gives no image within the timeout. While iterating, without
             `reconnect`: if the images cease.
     """

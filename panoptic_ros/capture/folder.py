@@ -30,6 +30,8 @@ from panoptic_ros.io.stamps import StampTable, read_stamps, stamp_file, stamps_o
 
 NO_TIMES: Mapping[str, Mapping[int, int]] = {}
 NO_CORRECTIONS: Mapping[str, Mapping[str, Any]] = {}
+IMAGE_RATE = 30.0  # Hz, assumed for images without timestamps: the rate of most cameras
+NO_RATE = f"{IMAGE_RATE:g} Hz is assumed, as images state no rate; --frame-rate or timestamps.csv states it"
 
 
 @dataclass(frozen=True)
@@ -229,7 +231,12 @@ def open_files(
             if isinstance(images, VideoSource) and images.has_sound:
                 sounds.append(_sound(images, frame_rate, own_stamps[name]))
             own_time = TimedSource(images, times[name]) if name in times else images
-            for text in (*images.notices, *(own_time.notices if own_time is not images else ())):
+            assumed = frame_rate is None and not tabled and isinstance(images, ImageFolderSource)
+            for text in (
+                *images.notices,
+                *(own_time.notices if own_time is not images else ()),
+                *((NO_RATE,) if assumed else ()),
+            ):
                 said.setdefault(text, []).append(name)
             changed = name in corrections or until_ns is not None
             timed = CorrectedSource(own_time, corrections.get(name), until_ns) if changed else own_time
@@ -302,7 +309,7 @@ def _open(
     tabled: bool = False,
 ) -> VideoSource | ImageFolderSource:
     if path.is_dir():
-        rate = 30.0 if frame_rate is None else frame_rate
+        rate = IMAGE_RATE if frame_rate is None else frame_rate
         return ImageFolderSource(
             camera,
             path,

@@ -162,7 +162,7 @@ class ImageFolderSource:
         image = _read_image(file, expected)
         if image is None and not self._skip:
             raise DataError(
-                f"{file} is no image that can be decoded; make it again or remove it, or --skip-damaged "
+                f"{file} is not an image that can be decoded; make it again or remove it, or --skip-damaged "
                 "leaves it out"
             )
         return image
@@ -179,7 +179,7 @@ class ImageFolderSource:
 
 
 def image_files(path: Path) -> tuple[Path, ...]:
-    """Return the images directly in a folder, in natural order; empty if it is no folder."""
+    """Return the images directly in a folder, in natural order; empty if it is not a folder."""
     if not path.is_dir():
         return ()
     found = (p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and not p.name.startswith("."))

@@ -117,6 +117,25 @@ def has_media(path: Path) -> bool:
     return any(videos_in(place) or _image_folders(place) for place in places_in(path))
 
 
+def cameras_of(path: Path) -> dict[str, Path]:
+    """Return the video or folder of images of each camera of a folder without a rig, by file names.
+
+    The first of its `places_in` with images counts.
+
+    Raises:
+        DataError: if the folder does not exist or holds no images, or a camera has two files.
+    """
+    if not path.is_dir():
+        raise DataError(f"folder {path} " + ("is a file" if path.exists() else "does not exist"))
+    for place in places_in(path):
+        videos, folders = videos_in(place), _image_folders(place)
+        for name in videos.keys() & folders.keys():
+            raise DataError(f"camera {name} has both {videos[name]} and {folders[name]}; remove one")
+        if videos or folders:
+            return videos | folders
+    raise DataError(f"{path} has no videos and no folders of images; give one per camera")
+
+
 def places_in(path: Path) -> list[Path]:
     """Return a folder and its subfolders named as in `PLACES`; [] if the folder does not exist."""
     if not path.is_dir():

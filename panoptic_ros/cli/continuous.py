@@ -67,6 +67,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="cameras whose fields of view must contain a person; with fewer, the person is a bystander; "
         "default 3, or 2 where at most 3 cameras look at one place",
     )
+    parser.add_argument(
+        "--preset",
+        choices=("elhayek-2012",),
+        help="method of a paper: polynomials of joint angles in overlapping segments (Elhayek et al. 2012); "
+        "default: curves of joints",
+    )
+    parser.add_argument(
+        "--subject",
+        type=Path,
+        metavar="FILE",
+        help="with --preset: subject.json with the skeleton of a person; default: one fitted to each person",
+    )
+    parser.add_argument(
+        "--images",
+        type=Path,
+        metavar="FOLDER",
+        help="with --preset: capture folder whose images are fitted, as in the paper, instead of 2D joints",
+    )
     parser.add_argument("--skeleton", default="auto", help="skeleton model; auto: that of the file's joints")
     parser.add_argument(
         "--clocks-out", type=output_file, metavar="FILE", help="file for clocks and line delays, as JSON"
@@ -93,20 +111,21 @@ def run(args: argparse.Namespace) -> int:
         solve_continuous,
     )
     from panoptic_ros.running.continuous_online import check_online, solve_online
+    from panoptic_ros.running.continuous_preset import check_preset, solve_preset
     from panoptic_ros.running.known_clocks import whole_clocks, with_saved_clocks
-    from panoptic_ros.solving.capture_space import CAPTURE_VIEWS
     from panoptic_ros.view.clock_lines import camera_time_lines
     from panoptic_ros.view.progress import PassBar
 
     check_outputs({"--out": args.out, "--clocks-out": args.clocks_out, "--curves": args.curves})
     if args.lag is not None:
         check_online(vars(args))
+    check_preset(vars(args))
     stamps = read_instants(args.at) if args.at else None
     with PassBar("views") as bar:
         task = read_continuous_task(
             args.rig,
             args.detections,
-            (args.clocks, args.rolling_shutter, args.trusted_camera, args.capture_views or CAPTURE_VIEWS),
+            (args.clocks, args.rolling_shutter, args.trusted_camera, args.capture_views),
             args.skeleton,
             capture=args.capture,
             bags=args.bag,
@@ -125,7 +144,10 @@ def run(args: argparse.Namespace) -> int:
             print(f"{args.out}: {len(result.sets)} instants, {result.people} people")
         return 0
     with PassBar("continuous") as bar:
-        motion = solve_continuous(task, bar.show)
+        if args.preset:
+            motion = solve_preset(task, args.subject, args.images, bar.show)
+        else:
+            motion = solve_continuous(task, bar.show)
     motion = motion if known is None else whole_clocks(motion, known)
     told = [] if stamps is None else check_instants(stamps, motion)
     for line in (*task.notices, *told):

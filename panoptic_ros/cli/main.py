@@ -31,6 +31,7 @@ VERBS: dict[str, str] = {
     "ltc": "decode or encode LTC timecode",
     "study": "measure accuracy, time and memory of this code beside baselines, in studies",
     "sync": "report the clocks of a capture, their faults and the remedies; match frames by clock",
+    "calibrate": "calibrate cameras from recordings of a board",
     "rig": "check or convert a calibration",
     "record": "record a live graph to a self-contained bag, on all hosts at once",
     "replay": "replay a bag onto the live graph, from any stage's topic, at any rate",

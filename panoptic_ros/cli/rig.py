@@ -17,7 +17,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     check = actions.add_parser("check", help="report in plain words whether the views agree")
     check.add_argument("rig", type=Path, help="calibration file, or a folder with one")
-    check.add_argument("--detections", type=Path, help="detections.json(.gz): 2D people of the same cameras")
+    check.add_argument(
+        "--detections",
+        type=Path,
+        help="2D people of the same cameras: detections.json(.gz), a bag, or the results of a run",
+    )
     check.add_argument("--json", action="store_true", help="print the findings as JSON")
     convert = actions.add_parser("convert", help="write a calibration in another format, in metres and z up")
     convert.add_argument("source", type=Path, metavar="IN", help="calibration file, or a folder with one")
@@ -51,7 +55,7 @@ def _read(args: argparse.Namespace, path: Path, cameras: list[str] | None = None
     try:
         panels = [int(word) for word in _words(args.panels)]
     except ValueError:
-        raise UsageError(f"--panels {args.panels!r} is no list of whole numbers") from None
+        raise UsageError(f"--panels {args.panels!r} is not a list of whole numbers") from None
     from panoptic_ros.running.plans.rig_files import read_rig_at  # imported here to keep --help fast
 
     rig = read_rig_at(path, unit=args.unit, types=_words(args.types), panels=panels, cameras=cameras)

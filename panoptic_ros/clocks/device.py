@@ -26,7 +26,7 @@ FEW_POINTS = 20  # minimum number of points to estimate the timestamp scatter
 SURE_RATE = 4e-4  # drift below which the frame rate is certain; 29.97 and 30 differ by 1e-3, crystals by 1e-4
 LARGEST_RATE = 0.01  # maximum drift of a generator that is set to another rate
 LONG_NS = 3 * SECOND  # ns of readings before the drift distinguishes tapes from generators
-# consecutive readings off the line and on no common other line: the timestamps have become noisier
+# consecutive readings off the line without another line through them: the timestamps became noisier
 NOISY_WORDS = 12
 Cause = Literal["clock", "timecode"]
 

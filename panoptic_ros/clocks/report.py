@@ -295,7 +295,7 @@ def _of_camera(camera: CameraClockReport) -> list[Notice]:
             _warning(
                 "odd_rate",
                 camera,
-                f"camera {name} sends {timing.rate_hz:.3f} frames a second, which is no usual rate (the "
+                f"camera {name} sends {timing.rate_hz:.3f} frames a second, which is not a usual rate (the "
                 f"nearest is {camera.nominal_hz:.5g}): its exposure may be longer than a frame, or the "
                 "link too slow",
             )

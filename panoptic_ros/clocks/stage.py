@@ -28,7 +28,7 @@ from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
 STEP_NS = 1_000_000  # ns, difference of two lines of a clock that noise cannot cause
-STEP_SIGMAS = 8.0  # the same in standard deviations; the larger of the two limits counts
+STEP_SIGMAS = 8.0  # limit as STEP_NS, in standard deviations; the larger of the two limits counts
 AFTER_STEP_NS = 400_000_000  # ns between a jump and the first model of the new line
 Models = list[ClockModel]
 FOREVER = 2**63 - 1
@@ -52,10 +52,10 @@ class NamedClocks:
         self._timelines = {master: timeline}
         # by recorder and clock: line from sample time to the clock's time
         self._lines: dict[str, dict[str, DeviceClock]] = {}
-        # by recorder: a clock, and the line from timestamps to its time
+        # a clock, and the line from timestamps to time of this clock; by recorder
         self._own: dict[str, tuple[str, DeviceClock]] = {}
         self._given: dict[str, ClockModel] = {}
-        self._given_at: dict[str, int] = {}  # by recorder: its sample time at the last models
+        self._given_at: dict[str, int] = {}  # sample time of the last models, by recorder
         self._begun: dict[str, int] = {}  # by clock: start of its current segment
         self._rates: dict[str, int] = {}  # by recorder: nominal samples per second
         self._rate_off: set[str] = set()  # recorders whose wrong rate has been reported
@@ -312,7 +312,7 @@ class ClocksStage(Stateful):
     def step(self, item: TimecodeReading) -> StepResult[ClockModel]:
         """Add a reading; return its device's model every `period_s`, and immediately after a jump."""
         if item.reverse:
-            text = f"the timecode of {item.device} runs backwards and is no clock"
+            text = f"the timecode of {item.device} runs backwards and is not a clock"
             return StepResult((), (Notice("clocks.reverse", "warning", text, {"device": item.device}),))
         if item.clock:
             return self._step_named(item)

@@ -19,12 +19,14 @@ from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 INTERVAL_S = 0.02  # s between two measurements of a length
-SIGMA = 5e-3  # m, standard deviation of one of these measurements
+SIGMA = 3e-3  # m, standard deviation of one of these measurements: that of a length with an error of 0.7 mm
 # m, spread of a distance beyond its noise: up to the first the pair is rigid, from the second on it is free
 RIGID, FREE = 6e-3, 5e-2
-CORRELATION_S = 0.2  # s, correlation time of the spread of a pair that is not rigid
+CORRELATION_S = 0.2  # s, correlation time of a distance
 LEAST_CERTAIN = 0.1  # m, greatest standard deviation of a distance from which a length is learnt
 STEPS = 2  # Gauss-Newton steps
+POSES = 9  # number of poses over which the free share of the motion of each joint is averaged
+RANK = 1e-2  # share of the largest singular value below which lengths follow from others
 SHORTEST = 1e-3  # m, length below which a pair has no direction
 
 
@@ -46,10 +48,12 @@ class LearntLengths(NamedTuple):
     Args:
         lengths: (P,) m.
         weights: (P,) 1/m^2 of one measurement, 0 = the pair is free.
+        variances: (P,) m^2 of the lengths, as those of a person: spread, and noise of the mean.
     """
 
     lengths: Array
     weights: Array
+    variances: Array
 
 
 def rigid_pairs(skeleton: SkeletonModel) -> Array:
@@ -97,7 +101,7 @@ def learn_lengths(distances: PairDistances) -> LearntLengths:
     """Return the lengths of pairs as medians of the certain half of their distances.
 
     A pair whose distances spread more than their noise is not rigid. Its weight then states that spread. A
-    pair with a joint that no view shows is free.
+    pair with a joint that no view shows is free. Averaging reduces the noise, not the spread.
     """
     usual = np.median(distances.variances, axis=1, keepdims=True)
     shown = (usual[:, 0] < LEAST_CERTAIN**2) & (distances.lengths > 0.0).any(axis=1)
@@ -105,10 +109,16 @@ def learn_lengths(distances: PairDistances) -> LearntLengths:
     lengths = np.where(certain, distances.lengths, np.nan)
     middle = np.nanmedian(lengths, axis=1)
     spread = (1.4826 * np.nanmedian(np.abs(lengths - middle[:, None]), axis=1)) ** 2
-    spread -= np.nanmedian(np.where(certain, distances.variances, np.nan), axis=1)
+    noise = np.nanmedian(np.where(certain, distances.variances, np.nan), axis=1)
+    spread -= noise
     soft = INTERVAL_S / (2.0 * CORRELATION_S) / np.maximum(spread, RIGID**2)
     weights = np.where(spread > RIGID**2, soft, SIGMA**-2.0)
-    return LearntLengths(np.where(shown, middle, 0.0), np.where((spread > FREE**2) | ~shown, 0.0, weights))
+    independent = np.maximum(certain.sum(axis=1) * INTERVAL_S / (2.0 * CORRELATION_S), 1.0)
+    return LearntLengths(
+        np.where(shown, middle, 0.0),
+        np.where((spread > FREE**2) | ~shown, 0.0, weights),
+        np.maximum(spread, 0.0) + noise / independent,
+    )
 
 
 def fit_with_lengths(problem: CurveProblem, fit: CurveFit, pairs: Array, learnt: LearntLengths) -> CurveFit:
@@ -139,7 +149,8 @@ def step_with_lengths(
     joints, grid = len(points), problem.grid
     times = instants(problem)
     reach = REACH if problem.persistent > 0.0 else SPAN
-    bands, rights = normal_equations(problem.rays, grid, problem.stiffness)
+    stiffness = problem.stiffness * free_shares(points, pairs, learnt)[:, None]
+    bands, rights = normal_equations(problem.rays, grid, stiffness)
     columns, right = couple(bands, rights, reach)
     gaps = _gaps(problem, points, pairs, times)
     along = gaps / np.maximum(np.linalg.norm(gaps, axis=-1), SHORTEST)[..., None]
@@ -148,6 +159,32 @@ def step_with_lengths(
     solution = cho_solve_banded((lower, True), right, check_finite=False)
     found = np.ascontiguousarray(solution.reshape(grid.number, joints, 3).transpose(1, 0, 2))
     return found, lower.T
+
+
+def free_shares(points: Array, pairs: Array, learnt: LearntLengths) -> Array:
+    """Return the share (J,) of the motion of each joint that the lengths of rigid pairs leave free.
+
+    The stiffness is learnt for single joints. The joints of a rigid part move together, so the sum of their
+    priors would count the prior of one motion several times. The share is 1 minus the mean leverage of the
+    lengths on the coordinates of the joint.
+
+    Args:
+        points: (J, K, 3) m, control points.
+    """
+    joints = len(points)
+    rigid = pairs[learnt.weights >= SIGMA**-2.0]
+    if not len(rigid):
+        return np.ones(joints)
+    poses = points[:, np.linspace(0, points.shape[1] - 1, POSES).round().astype(np.int64)]
+    gaps = (poses[rigid[:, 0]] - poses[rigid[:, 1]]).transpose(1, 0, 2)
+    gaps /= np.maximum(np.linalg.norm(gaps, axis=-1, keepdims=True), SHORTEST)
+    rows = np.zeros((len(gaps), len(rigid), joints, 3))
+    rows[:, np.arange(len(rigid)), rigid[:, 0]] = gaps
+    rows[:, np.arange(len(rigid)), rigid[:, 1]] = -gaps
+    flat = rows.reshape(len(gaps), len(rigid), 3 * joints)
+    leverages = np.einsum("qip,qpi->i", np.linalg.pinv(flat, rcond=RANK), flat) / len(gaps)
+    shares: Array = 1.0 - leverages.reshape(joints, 3).mean(axis=1)
+    return shares
 
 
 def instants(problem: CurveProblem) -> Array:

@@ -20,7 +20,7 @@ from panoptic_ros.solving.clock_gauge import KNOWN, common_shift
 from panoptic_ros.stage import Progress, untold
 
 Array = np.ndarray
-# greatest standard deviations of values that are applied, beside KNOWN for offsets
+# maximum standard deviations of drifts and line delays that are applied; KNOWN is that of offsets
 KNOWN_DRIFT = 7e-5
 KNOWN_LINE_S = 5e-6  # s per row
 ROUNDS = 16  # number of iterations
@@ -83,7 +83,7 @@ class CameraTimes:
         known: Array = self.deviations <= np.array([[KNOWN], [KNOWN_DRIFT], [KNOWN_LINE_S]])
         free = self.deviations[2] > 0.0
         if free.any() and not (known[2] & free).any():
-            known[2] = False  # line delays relative to a camera without a line delay, which was a guess
+            known[2] = False  # the camera with line delay 0, to which these are relative, is a guess
         return known
 
     def referenced(self) -> CameraTimes:
@@ -103,7 +103,7 @@ class CameraTimes:
         return found
 
     def applicable(self, start: CameraTimes) -> CameraTimes:
-        """Return the times with the values of `start` where they are not observable."""
+        """Return a copy in which each value that is not observable is replaced by the value of `start`."""
         return CameraTimes(np.where(self.observable, self.values, start.values), self.covariance)
 
 
@@ -194,7 +194,7 @@ def certain(information: Array, blur: Array) -> Array:
 
 
 def _covariance(information: Array, prior: Array, unknown: Array) -> Array:
-    """Return the covariance of all values, 0 for those that are not unknown."""
+    """Return the covariance of all values; known values have covariance 0."""
     covariance = np.zeros_like(information)
     normal = (information + np.diag(prior**-2.0))[np.ix_(unknown, unknown)]
     covariance[np.ix_(unknown, unknown)] = np.linalg.inv(normal)

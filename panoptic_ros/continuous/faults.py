@@ -20,14 +20,14 @@ from panoptic_ros.stage import Notice
 Array = np.ndarray
 WINDOW_S = 2.0  # s, time for which a camera is judged
 SAMPLES, LEAST_SAMPLES = 10, 5  # number of 2D people of a camera in a window: at most, and at least
-MISS = 0.08  # on the normalised plane, greatest distance of a joint in the mean
+MISS = 0.08  # on the normalised plane, upper limit of the distance of a joint in means
 LEAST_MISS = 0.004  # on the normalised plane, mean distance of a 2D person that needs no explanation
 FAR = 2.0  # ratio to the typical mean distance from which a window is suspected
 SHIFTS_S = np.arange(-3.0, 3.01, 0.02)  # s, errors of timestamps that are tried
 LEAST_SHIFT_S = 0.15  # s; smaller errors are left to the clocks
 BETTER = 0.5  # ratio of mean distances below which another time explains the 2D people
-LEAST_MISFITS = 3  # number of single views that is worth a line
-SEARCHED = 60  # number of 2D people that serve for the search
+LEAST_MISFITS = 3  # minimum number of single views that are reported
+SEARCHED = 60  # number of 2D people for which other times are searched
 
 
 class TimedCurve(Protocol):

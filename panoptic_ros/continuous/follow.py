@@ -29,22 +29,23 @@ from panoptic_ros.solving.frames import CameraFrame
 
 Array = np.ndarray
 SIGMA = 4e-3  # standard deviation of a 2D joint on the normalised plane, for association only
-MOST_DISTANCE = 6.0  # standard deviations, greatest distance of one joint in the mean
+MOST_DISTANCE = 6.0  # standard deviations, upper limit of the distance of a joint in means
 GATE = 3.5  # standard deviations, mean distance up to which a 2D person may belong to a person
 MIRROR_MARGIN = 0.5  # standard deviations by which an exchange of left and right has to fit better
 WIDEST = 0.15  # m, greatest standard deviation of an innovation, for association only
 MEMORY_S = 0.5  # s without a view after which a person has left
-LEAST_SHARE, SHARE_VIEWS = 0.2, 6  # a person has left, too, if fewer of the views of MEMORY_S show it
+# share of the expected views of MEMORY_S below which a person has left; minimum number of these views
+LEAST_SHARE, SHARE_VIEWS = 0.2, 6
 PAIR_S = 0.08  # s, time between two views of different cameras that may start a person
 PAIR_DISTANCE = 0.08  # m, mean distance of their rays
-MOST_RAY_DISTANCE = 0.3  # m, greatest distance of two rays in that mean
+MOST_RAY_DISTANCE = 0.3  # m, upper limit of the distance of two rays in that mean
 PAIR_JOINTS = 6  # minimum number of joints that both see
 LEAST_SINE = 0.2  # least sine of the angle between the rays of a joint that both see
 START_SIGMA = 0.06  # m, standard deviation of a joint that two rays start
 CONFIRM_CAMERAS, CONFIRM_VIEWS, CONFIRM_SHARE = 3, 5, 0.6
-PAIR_VIEWS, PAIR_SHARE = 10, 0.8  # views and share to confirm a person whom two cameras see
-SETTLED_VIEWS = 10  # views after confirmation after which the filter serves the search in reversed time
-SAME_BODY = 0.15  # m, mean distance of joints below which two tracks are one person
+# number of views, and share of the expected ones, that confirm a person whom two cameras see
+PAIR_VIEWS, PAIR_SHARE = 10, 0.8
+SETTLED_VIEWS = 10  # views after confirmation, after which the filter serves the search in reversed time
 
 
 class Entry(NamedTuple):
@@ -70,14 +71,16 @@ class ViewTrack:
     """Person followed from view to view.
 
     Args:
-        filters: motion at `time`.
+        filters: Motion at `time`.
         time: (s) time of the filters.
-        number: order of the start.
+        number: Order of the start.
         last: (s) timestamp of the newest view that shows the person.
         entries: (V) 2D people, one per view.
         cameras: (V) their cameras.
         missed: (int) number of views in which a person was expected and not found.
         recent: (time, whether found) of the views of the last MEMORY_S in which the person was expected.
+        excess: Number of views that show the person, minus LEAST_SHARE of those expected, and its maximum.
+        surest: Frame of that maximum. Fewer than LEAST_SHARE of the views after it show the person.
         confirmed: (int) number of views at confirmation, 0 = candidate.
         seed: (time, filters) for the search in reversed time.
     """
@@ -91,6 +94,8 @@ class ViewTrack:
     cameras: set[int] = field(default_factory=set)
     missed: int = 0
     recent: deque[tuple[float, bool]] = field(default_factory=deque)
+    excess: tuple[float, float] = (0.0, 0.0)
+    surest: int = 0
     confirmed: int = 0
     seed: tuple[float, JointFilters] | None = None
 
@@ -117,6 +122,17 @@ class ViewTrack:
         self.entries.append(Entry(number, person, depth, mirror is not None, squares))
         self.exchanged += mirror is not None
         self.cameras.add(frame.camera)
+
+    def count(self, number: int, found: bool) -> None:
+        """Count view `number`, in which the person is expected."""
+        self.missed += not found
+        self.recent.append((self.time, found))
+        while abs(self.recent[0][0] - self.time) > MEMORY_S:
+            self.recent.popleft()
+        excess = self.excess[0] + found - LEAST_SHARE
+        if excess >= self.excess[1]:
+            self.surest = number
+        self.excess = excess, max(excess, self.excess[1])
 
     def turn(self, mirror: Array) -> None:
         """Exchange left and right if most views show the person that way."""
@@ -154,7 +170,7 @@ class ViewTracker:
 
     def __init__(self, arrays: RigArrays, mirror: Array, pair_s: float = PAIR_S):
         self._arrays, self._mirror, self.pair_s = arrays, mirror, pair_s
-        self._views = [
+        self.views = [
             ViewRays(rotation, translation)
             for rotation, translation in zip(arrays.rotations, arrays.translations)
         ]
@@ -184,49 +200,59 @@ class ViewTracker:
             self._start(number, frame, person, time)
 
     def finish(self) -> list[ViewTrack]:
-        """Return all confirmed people in the order of their starts."""
-        self.ended += [track for track in self.active if track.confirmed]
-        for track in self.ended:
-            if track.seed is None:
-                track.seed = (track.time, track.filters.copy())
+        """Return the people in the order of their starts; those who ended before they settled are ghosts.
+
+        Views after the surest one are left out.
+        """
+        found = [track for track in self.ended if track.seed]
+        for track in self.active:
+            if track.confirmed:
+                track.seed = track.seed or (track.time, track.filters.copy())
+                found.append(track)
         self.active = []
-        return sorted(self.ended, key=lambda track: track.number)
+        for track in found:
+            track.entries = [entry for entry in track.entries if entry.frame <= track.surest]
+        return sorted(found, key=lambda track: track.number)
 
     def _assign(self, tracks: list[ViewTrack], number: int, frame: CameraFrame, free: set[int]) -> set[int]:
-        """Assign free 2D people to tracks; return those that were taken."""
+        """Assign free 2D people to tracks.
+
+        Returns:
+            the assigned ones, and those that fit a confirmed track that has a better one: duplicates.
+        """
         people = sorted(free)
         if not tracks:
             return set()
-        view = self._views[frame.camera]
-        taken = set()
+        view = self.views[frame.camera]
+        explained: set[int] = set()
         pairs: list[tuple[int, int]] = []
         if people:
             costs = [view_costs(track.filters, view, frame, people, self._mirror) for track in tracks]
-            pairs = best_pairs(np.stack([np.minimum(*cost) for cost in costs]), GATE)
+            least = np.stack([np.minimum(*cost) for cost in costs])
+            pairs = best_pairs(least, GATE)
+            sure = np.array([track.confirmed > 0 for track in tracks])
+            explained = {people[k] for k in np.flatnonzero((least[sure] <= GATE).any(axis=0))}
         for row, column in pairs:
             straight, mirrored = costs[row]
             exchanged = self._mirror if mirrored[column] < straight[column] else None
             tracks[row].take(number, people[column], view, frame, exchanged)
             tracks[row].turn(self._mirror)
-            taken.add(people[column])
+            explained.add(people[column])
             self._settle(tracks[row])
         found = {row for row, _ in pairs}
         for row, track in enumerate(tracks):
-            if row in found or self._expected(track, frame.camera):
-                track.missed += row not in found
-                track.recent.append((track.time, row in found))
-                while abs(track.recent[0][0] - track.time) > MEMORY_S:
-                    track.recent.popleft()
-        return taken
+            if row in found or self.expected(track, frame.camera):
+                track.count(number, row in found)
+        return explained
 
     def _settle(self, track: ViewTrack) -> None:
         if track.confirmed and track.seed is None and len(track.entries) >= track.confirmed + SETTLED_VIEWS:
             track.seed = (track.time, track.filters.copy())
 
-    def _expected(self, track: ViewTrack, camera: int) -> bool:
+    def expected(self, track: ViewTrack, camera: int) -> bool:
         """Return whether the centre of a person lies in the image of a camera."""
         lens = self._arrays.lenses[camera]
-        view = self._views[camera]
+        view = self.views[camera]
         local = view.rotation @ np.nanmedian(track.positions, axis=0) + view.translation
         if local[2] <= 0.1:
             return False
@@ -239,19 +265,10 @@ class ViewTracker:
         share = views / total
         enough = len(track.cameras) >= CONFIRM_CAMERAS and views >= CONFIRM_VIEWS and share >= CONFIRM_SHARE
         enough |= len(track.cameras) >= 2 and views >= PAIR_VIEWS and share >= PAIR_SHARE
-        if enough and not self._doubled(track):
+        if enough:
             track.confirmed = views
-        elif enough or (total >= 2 * CONFIRM_VIEWS and share < 0.5):
+        elif total >= 2 * CONFIRM_VIEWS and share < 0.5:
             self.active.remove(track)
-
-    def _doubled(self, track: ViewTrack) -> bool:
-        """Return whether another confirmed person is in the same place."""
-        for other in self.active:
-            if other.confirmed:
-                gaps = np.linalg.norm(other.positions - track.positions, axis=1)
-                if np.nanmean(gaps) < SAME_BODY:
-                    return True
-        return False
 
     def _end(self, time: float) -> None:
         for track in list(self.active):
@@ -282,7 +299,7 @@ class ViewTracker:
             (*divmod(partner[4], 1000), partner[1]),
             (number, person, frame.camera),
         ):
-            view = self._views[camera]
+            view = self.views[camera]
             track.entries.append(
                 Entry(frame_number, who, float(view.rotation[2] @ centre + view.translation[2]))
             )
@@ -346,7 +363,7 @@ def follow(frames: Sequence[CameraFrame], times: Array, arrays: RigArrays, mirro
     for number, (frame, time) in enumerate(zip(frames, times)):
         tracker.step(number, frame, float(time))
     tracks = tracker.finish()
-    _extend(tracks, frames, times, arrays, mirror)
+    _extend(tracker, tracks, frames, times, mirror)
     return tracks
 
 
@@ -385,22 +402,23 @@ def view_costs(
 
 
 def _extend(
-    tracks: list[ViewTrack], frames: Sequence[CameraFrame], times: Array, arrays: RigArrays, mirror: Array
+    tracker: ViewTracker, tracks: list[ViewTrack], frames: Sequence[CameraFrame], times: Array, mirror: Array
 ) -> None:
     """Add views before the seeds of the people, in reversed time, in place."""
     owners: dict[tuple[int, int], ViewTrack] = {}
     for track in tracks:
         owners.update({(entry.frame, entry.person): track for entry in track.entries})
     waiting = sorted(tracks, key=lambda track: track.seed[0] if track.seed else 0.0)
-    active: list[tuple[ViewTrack, ViewTrack]] = []  # a person, and its copy in reversed time
-    views = [ViewRays(r, t) for r, t in zip(arrays.rotations, arrays.translations)]
+    copies: list[tuple[ViewTrack, ViewTrack]] = []  # a person, and its copy in reversed time
+    active: list[tuple[ViewTrack, ViewTrack]] = []
     for number in range(len(frames) - 1, -1, -1):
         time, frame = float(times[number]), frames[number]
         while waiting and waiting[-1].seed is not None and waiting[-1].seed[0] >= time:
             seed = waiting[-1].seed
-            active.append((waiting.pop(), ViewTrack(seed[1], seed[0], 0, seed[0])))
-        active = [pair for pair in active if pair[1].last - time <= MEMORY_S]
-        view = views[frame.camera]
+            copies.append((waiting.pop(), ViewTrack(seed[1], seed[0], 0, seed[0])))
+            active.append(copies[-1])
+        active = [pair for pair in active if pair[1].last - time <= MEMORY_S and not pair[1].rare]
+        view = tracker.views[frame.camera]
         owned = {id(owners.get((number, d))): d for d in range(len(frame.plane))}
         free = [d for d in range(len(frame.plane)) if (number, d) not in owners]
         others = []
@@ -409,17 +427,24 @@ def _extend(
             if id(track) in owned:
                 own = next(entry for entry in reversed(track.entries) if entry.frame == number)
                 copy.take(number, own.person, view, frame, mirror if own.mirrored else None)
+                copy.count(number, True)
             else:
                 others.append((track, copy))
-        if not (others and free):
-            continue
-        costs = [view_costs(copy.filters, view, frame, free, mirror) for _, copy in others]
-        for row, column in best_pairs(np.stack([np.minimum(*cost) for cost in costs]), GATE):
+        pairs = []
+        if others and free:
+            costs = [view_costs(copy.filters, view, frame, free, mirror) for _, copy in others]
+            pairs = best_pairs(np.stack([np.minimum(*cost) for cost in costs]), GATE)
+        for row, column in pairs:
             track, copy = others[row]
             exchanged = mirror if costs[row][1][column] < costs[row][0][column] else None
             copy.take(number, free[column], view, frame, exchanged)
             track.entries.append(copy.entries[-1])
             track.cameras.add(frame.camera)
             owners[number, free[column]] = track
-    for track in tracks:
-        track.entries.sort(key=lambda entry: entry[:2])
+        found = {row for row, _ in pairs}
+        for row, (_, copy) in enumerate(others):
+            if row in found or tracker.expected(copy, frame.camera):
+                copy.count(number, row in found)
+    for track, copy in copies:
+        kept = [entry for entry in track.entries if entry.frame >= copy.surest]
+        track.entries = sorted(kept, key=lambda entry: entry[:2])

@@ -25,16 +25,16 @@ class ContinuousMotion:
     """Result of the pass.
 
     Args:
-        people: curves of all people.
-        reference_ns: origin of the times of the curves.
-        first_ns, last_ns: first and last corrected timestamp of a view.
+        people: Curves of all people.
+        reference_ns: Origin of the times of the curves.
+        first_ns, last_ns: First and last corrected timestamp of a view.
         period: (s) typical time between two frames of a camera.
         cameras: (C) names.
         clocks: (C) clocks and line delays, with `reference_ns`.
-        skeleton_hash: skeleton of the joints.
-        joints: number of joints.
-        derived: joints that are means of others, see `SkeletonModel`.
-        notices: faults of the recording.
+        skeleton_hash: Skeleton of the joints.
+        joints: Number of joints.
+        derived: Joints that are means of others, see `SkeletonModel`.
+        notices: Faults of the recording.
     """
 
     people: tuple[PersonCurve, ...]

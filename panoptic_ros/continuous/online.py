@@ -55,7 +55,7 @@ KEPT_STEPS = 9  # number of newest times between frames whose median is the peri
 LONGEST_STEP_S = 1.0  # s; a longer time between frames is a pause
 USUAL_PERIOD_S = 0.1  # s, period before any camera has given two frames
 NO_PAIRS = np.zeros((0, 2), np.int64)
-NO_LENGTHS = LearntLengths(np.zeros(0), np.zeros(0))
+NO_LENGTHS = LearntLengths(np.zeros(0), np.zeros(0), np.zeros(0))
 
 
 class PersonInstant(NamedTuple):
@@ -78,7 +78,7 @@ class CameraPeriods:
     def __init__(self) -> None:
         self._last: dict[int, float] = {}  # s, by camera
         self._steps: dict[int, deque[float]] = {}  # s, by camera
-        self._periods: dict[int, float] = {}  # s, by camera: their median
+        self._periods: dict[int, float] = {}  # s, by camera, median of the steps
 
     def take(self, camera: int, time: float) -> None:
         """Add the time (s) of a frame; times of a camera increase."""
@@ -225,8 +225,7 @@ class OnlineMotion:
         """Return a person as last seen."""
         filters = person.track.filters.copy()
         predict(filters, person.track.last - person.track.time)
-        lengths = self._search.bone_lengths(person.bones)
-        return SeenPerson(person.track.last, _place(filters), lengths)
+        return SeenPerson(person.track.last, _place(filters), *self._search.bone_lengths(person.bones))
 
     def _new_person(self, track: ViewTrack, time: float) -> OnlinePerson:
         """Return the person of a new track: one who was lost, or a new one.
@@ -236,7 +235,7 @@ class OnlineMotion:
         begin = self._times[track.entries[0].frame]
         unseen = {p.id: p for p in self._people.values() if p.track.last < begin}
         lost = self._lost | {number: self._lost_person(person) for number, person in unseen.items()}
-        new = SeenPerson(time, _place(track.filters), self._search.bone_lengths(None))
+        new = SeenPerson(time, _place(track.filters), *self._search.bone_lengths(None))
         row = self._search.returned(list(lost.values()), new)
         seen = self._seen(track, 0)
         if row is None:

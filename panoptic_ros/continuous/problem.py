@@ -30,10 +30,11 @@ Array = np.ndarray
 STEP_S = 0.04  # s between knots
 ROUNDS = 12  # number of iterations in which weights, noise and stiffness are learnt
 CAUCHY, FIRST_CAUCHY = 3.0, 30.0  # scale of the robust weights, in standard deviations: final, and at first
-START_JERK = 1000.0  # m/s^2.5: too loose rather than too stiff, because weights hide what is too stiff
+# m/s^2.5; a loose start, because robust weights reject the rays that a stiff curve misses
+START_JERK = 1000.0
 LEAST_JERK, MOST_JERK = 2.0, 2e4  # m/s^2.5
 SMOOTHING_S = 0.5  # s, standard deviation of the weights in the average of the stiffness over time
-LEAST_SURE = 0.02  # least number of a knot's three differences that the rays determine
+LEAST_SURE = 0.02  # lower limit of the number of differences (of three) at a knot that the rays determine
 FIRST_NOISE = 2.5e-3  # on the normalised plane
 # least share of the noise in residuals from which it is learnt: a curve that follows its rays hides the noise
 LEAST_LEFT = 0.4

@@ -117,7 +117,7 @@ def time_order(starts, times):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def near_rays(instants, starts, times, cameras, weights, period):
-    """Return for T increasing instants and J joints what the rays within `period` of the instant show.
+    """Summarise the rays within `period` of each of T increasing instants, for J joints.
 
     Args:
         starts, times, cameras, weights: see `RayEvidence`.

@@ -16,7 +16,6 @@ from panoptic_ros.identity.returns import RETURN_S, returns_at_once
 
 Array = np.ndarray
 DISTANCE, SPEED = 0.6, 1.2  # m and m/s: reach of a lost person, as in tracking
-BONE_SIGMA = 0.01  # m, standard deviation of a learnt length
 
 
 class SeenPerson(NamedTuple):
@@ -26,11 +25,13 @@ class SeenPerson(NamedTuple):
         time: (s) of the last or the first view.
         place: (2,) m on the ground at that time.
         lengths: (B,) m of the bones, NaN = unknown.
+        variances: (B,) m^2.
     """
 
     time: float
     place: Array
     lengths: Array
+    variances: Array
 
 
 class ReturnSearch:
@@ -46,12 +47,13 @@ class ReturnSearch:
         self._groups = paired(bones, np.array(skeleton.mirror))
         self._rows = [known[tuple(bone)] for bone in np.sort(bones, axis=1).tolist()]
 
-    def bone_lengths(self, learnt: LearntLengths | None) -> Array:
-        """Return the lengths (B,) m of the bones, NaN where a length is unknown or not constant."""
+    def bone_lengths(self, learnt: LearntLengths | None) -> BoneLengths:
+        """Return the bones (B,) of a person; lengths are NaN where unknown or not constant."""
         if learnt is None:
-            return np.full(len(self._rows), np.nan)
-        lengths: Array = np.where(learnt.weights[self._rows] > 0.0, learnt.lengths[self._rows], np.nan)
-        return lengths
+            return BoneLengths(np.full(len(self._rows), np.nan), np.ones(len(self._rows)))
+        rows = self._rows
+        lengths = np.where(learnt.weights[rows] > 0.0, learnt.lengths[rows], np.nan)
+        return BoneLengths(lengths, learnt.variances[rows])
 
     def returned(self, lost: Sequence[SeenPerson], new: SeenPerson) -> int | None:
         """Return the index of the lost person who a new one is; None if it is none of them."""
@@ -60,17 +62,15 @@ class ReturnSearch:
             return None
         missed = np.array([new.time - lost[k].time for k in rows])
         distances = np.array([np.linalg.norm(lost[k].place - new.place) for k in rows])[:, None]
-        odds = bone_evidence(
-            _known_lengths([lost[k] for k in rows]), _known_lengths([new]), self._groups
-        ) + place_evidence(distances, missed)
+        bones = bone_evidence(_bones([lost[k] for k in rows]), _bones([new]), self._groups)
+        odds = bones + place_evidence(distances, missed)
         near = distances <= (DISTANCE + SPEED * missed)[:, None]
         found = returns_at_once(odds, missed, near)
         return rows[found[0][0]] if found else None
 
 
-def _known_lengths(people: Sequence[SeenPerson]) -> BoneLengths:
-    lengths = np.stack([person.lengths for person in people])
-    return BoneLengths(lengths, np.full(lengths.shape, BONE_SIGMA**2))
+def _bones(people: Sequence[SeenPerson]) -> BoneLengths:
+    return BoneLengths(np.stack([p.lengths for p in people]), np.stack([p.variances for p in people]))
 
 
 def with_identities(
@@ -87,7 +87,7 @@ def with_identities(
     lost: dict[int, SeenPerson] = {}  # ends of the curves that no curve continues, by index
     for k, person in enumerate(found):
         first, last = (
-            SeenPerson(time, _place(person, time), search.bone_lengths(person.bones))
+            SeenPerson(time, _place(person, time), *search.bone_lengths(person.bones))
             for time in (float(person.seen[0]), float(person.seen[-1]))
         )
         row = search.returned(list(lost.values()), first)

@@ -30,7 +30,7 @@ from panoptic_ros.stamps.rates import exact_rate
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
 SECOND = 1_000_000_000
-LATE_NS = 50_000_000  # ns of waiting per instant that is left out for each one that is given
+LATE_NS = 50_000_000  # ns of delay per instant that is skipped after each computed one
 FEW = 5  # number of views of a camera that are left out before it is reported
 FAULTS = {
     "back": "repeat, or stamps run backwards",

@@ -17,7 +17,7 @@ PAUSE_NS = 2 * SECOND  # ns, shortest pause of a recording
 PAUSE_PERIODS = 4  # the same limit for slow cameras, in periods of the camera
 LATE_PERIODS = 2.5  # periods of a camera by which a view may be out of order
 FEW = 3  # minimum number of views of a camera between two pauses
-SHARE_NS = SECOND  # ns, time without views at an end of the recording that is worth a line
+SHARE_NS = SECOND  # ns, minimum time without views at an end of the recording that is reported
 NAMED = 6  # number of cameras that a notice names
 
 

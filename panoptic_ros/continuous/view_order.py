@@ -10,12 +10,13 @@ from panoptic_ros.solving.frames import CameraFrame
 SECOND = 1_000_000_000
 START_NS = SECOND  # ns, longest wait for the first two views of every camera
 STEP_NS = SECOND  # ns, longest step between views that counts as a period; the period before any is known
-# periods without a view after which a camera is silent; periods by which a view may be ahead of most cameras,
-# more because others may just have stopped; the least such time, ns
+# periods without a view after which a camera is silent; periods by which a view may be ahead of most cameras
+# (more, as other cameras may just have stopped); lower limit of that time, ns
 SILENT, AHEAD, LEAST_AHEAD_NS = 3, 5, SECOND // 4
 NEAR_NS = 2 * SECOND  # ns, longest correction of a timestamp on the common clock; longer ones join two clocks
-JOINED_NS = SECOND // 50  # ns, by which the order of views on joined clocks may be wrong
-SET_BACK_NS = SECOND  # ns behind views that were taken, from which clocks of most cameras were set back
+JOINED_NS = SECOND // 50  # ns, tolerance of the order of views on joined clocks
+# ns; if the newest views of most cameras are earlier than taken ones by more, their clocks were set back
+SET_BACK_NS = SECOND
 
 
 class TimedFrame(NamedTuple):
@@ -40,12 +41,13 @@ class ViewOrder:
     def __init__(self, cameras: Sequence[str], wait_ns: int):
         self._cameras, self._wait_ns = tuple(cameras), wait_ns
         self._waiting: list[TimedFrame] = []
-        self._newest: dict[int, int] = {}  # ns by camera, of its newest view, also of one that is left out
-        self._accepted: dict[int, int] = {}  # ns by camera, of its newest view that is not left out
-        self._steps: dict[int, int] = {}  # ns by camera, its period
-        self._corrections: dict[int, int] = {}  # ns by camera, of its newest view
-        self._counts: dict[int, int] = {}  # by camera, number of its views
-        self._others: dict[int, dict[int, int]] = {}  # by camera: `_counts` at its newest view
+        # ns, time of the newest view by camera, including views that are left out
+        self._newest: dict[int, int] = {}
+        self._accepted: dict[int, int] = {}  # ns, time of the newest view by camera that is not left out
+        self._steps: dict[int, int] = {}  # ns, period by camera
+        self._corrections: dict[int, int] = {}  # ns, correction of the newest view by camera
+        self._counts: dict[int, int] = {}  # number of views by camera
+        self._others: dict[int, dict[int, int]] = {}  # `_counts` at the newest view of each camera
         self._silent: set[int] = set()  # cameras of which no view has come for a few periods
         self._begin_ns: int | None = None  # time of the first view
         self._shift_ns = 0  # added to all times, because clocks were set back
@@ -118,7 +120,7 @@ class ViewOrder:
         return due
 
     def _count(self, camera: int) -> None:
-        """Count a view, and find cameras that are silent: this one has had a few more views since theirs."""
+        """Count a view, and mark cameras as silent that gave no view for several of their periods."""
         count = self._counts[camera] = self._counts.get(camera, 0) + 1
         self._others[camera] = dict(self._counts)
         self._silent.discard(camera)

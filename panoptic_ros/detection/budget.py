@@ -15,7 +15,7 @@ SECOND = 10**9
 DECIDED_EVERY_NS = SECOND // 2
 LEARNT = 0.05  # weight of a new cost in the running mean
 FEW = 6.0  # looks per s and camera, below which people are scaled down before the rate drops further
-# px of the network input, least height of people; below, accuracy falls faster than the cost
+# px of the network input, least height of people; below it, accuracy falls faster than the cost
 LEAST_HEIGHT = 160
 FEWEST = 2.0  # looks per s and camera, lower limit of the rate
 STEP = 0.1  # a choice stays until another differs by more than this share

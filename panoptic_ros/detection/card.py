@@ -174,7 +174,7 @@ def card_from_mapping(document: Mapping[str, Any]) -> ModelCard:
     try:
         for key, kind in (("input", InputCard), ("coords", CoordsCard)):
             part = values.get(key, {})
-            _require(isinstance(part, Mapping), f"{key} is no mapping")
+            _require(isinstance(part, Mapping), f"{key} is not a mapping")
             part = dict(part)
             if part.get("size") == "dynamic":
                 part["size"] = ()
@@ -233,12 +233,12 @@ def _convert(card: Any, where: str) -> None:
         kind = str(item.type)
         if kind.startswith("tuple"):
             inner = {"int": int, "str": str, "float": float}[kind[6:].split(",")[0]]
-            _require(isinstance(value, (list, tuple)), f"{label} = {shown(value)} is no list")
+            _require(isinstance(value, (list, tuple)), f"{label} = {shown(value)} is not a list")
             value = tuple(_scalar(inner, entry, label) for entry in value)
         elif kind in ("int", "float", "str", "bool"):
             value = _scalar({"int": int, "float": float, "str": str, "bool": bool}[kind], value, label)
         elif kind.startswith("Mapping"):
-            _require(isinstance(value, Mapping), f"{label} = {shown(value)} is no mapping")
+            _require(isinstance(value, Mapping), f"{label} = {shown(value)} is not a mapping")
             value = {str(key): _scalar(str, entry, label) for key, entry in value.items()}
         object.__setattr__(card, item.name, value)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 Array = np.ndarray
 MARGIN = 0.10  # margin round the joints, share of a person's height
-ABOVE = 0.05  # extra margin above, share of the height: the top of the head is no joint
+ABOVE = 0.05  # extra margin above, share of the height: the top of the head is not a joint
 LEAST_SCALE = 0.9  # least scale of a region, relative to the scale that suits its people
 LEAST_SHARE = 0.15  # least share of a person's box that must lie in the image
 SIGMAS = 1.5  # margin for prediction errors, in standard deviations

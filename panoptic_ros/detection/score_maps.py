@@ -26,7 +26,7 @@ GATE_CELLS = (3.0, 14.0)  # least and greatest radius
 
 @dataclass(frozen=True, eq=False)
 class MapPatch:
-    """Window of one joint's map, with 0 in all cells of other owners."""
+    """Window of one joint's score map; cells that belong to other people are 0."""
 
     joint: int  # network's joint index
     person: int

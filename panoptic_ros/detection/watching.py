@@ -37,7 +37,8 @@ DOORS = 8  # number of entry places (where people appeared) that are remembered
 SAME_DOOR = 1.0  # m, distance within which two entry places are the same
 BEGINNING_NS = 1_000_000_000
 EXPLAINED = 0.2  # median joint distance between detection and prediction of one person, share of the height
-IN_A_CROWD = 0.1  # the same for people so close that one track would explain another's detection
+# limit as EXPLAINED, for people so close that one track could explain the detection of another
+IN_A_CROWD = 0.1
 SURE_STRANGER = 0.25  # person score from which an unexplained detection raises an alarm
 SCAN_HEIGHT = 90.0  # px of the network input, height of a median person in a scan (small whole image)
 LEAST_SCAN = 128  # px of the network input, least longer side of a scan

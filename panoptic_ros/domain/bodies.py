@@ -34,7 +34,7 @@ class ImuSample:
         force: (3,) m/s^2, specific force in the device's frame: 9.81 upwards at rest.
 
     Raises:
-        DataError: if the orientation is no unit quaternion, or a number exceeds what IMUs measure.
+        DataError: if the orientation is not a unit quaternion, or a number exceeds what IMUs measure.
     """
 
     device: str

@@ -47,7 +47,7 @@ class ShapeChecks:
             array = own_copy(value, dtype)
         except (TypeError, ValueError, OverflowError) as error:
             told = one_line(error)
-            raise DataError(f"{self._of(name)} is no array of {np.dtype(dtype)}: {told}") from None
+            raise DataError(f"{self._of(name)} is not an array of {np.dtype(dtype)}: {told}") from None
         wanted = _letters(letters)
         if array.ndim != len(wanted):
             raise DataError(f"{self._of(name)} has shape {array.shape}, expected ({letters})")

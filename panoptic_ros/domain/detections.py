@@ -135,7 +135,7 @@ class ViewDetections:
         limit: Depth limit of the view, or None if only the image borders limit it.
         carried: (P,) s, time since the image in which the detector found the person. Motion between the
             images propagated the 2D pose since then. 0 = detected in this image. None = all were detected in
-            this image. Propagated poses state the position of a known person, but are no evidence that a
+            this image. Propagated poses state the position of a known person, but are not evidence that a
             person is there.
     """
 
@@ -228,7 +228,7 @@ class Preview:
     def __post_init__(self) -> None:
         object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
         if self.jpeg[:2] != b"\xff\xd8":
-            raise DataError(f"the preview of camera {self.camera} is no JPEG")
+            raise DataError(f"the preview of camera {self.camera} is not a JPEG")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -107,7 +107,7 @@ class SegmentModel:
             DataError: if the stature is not between `SHORTEST` and `TALLEST`.
         """
         if not SHORTEST <= stature <= TALLEST:
-            raise DataError(f"height_m = {stature} is no stature; expected {SHORTEST} to {TALLEST} m")
+            raise DataError(f"height_m = {stature} is not a stature; expected {SHORTEST} to {TALLEST} m")
         points = {name: (self.index(s), stature * share) for name, (s, share) in self.keypoints.items()}
         return SegmentedBody(self, stature * self.shares, points)
 

@@ -28,8 +28,8 @@ class SkeletonModel:
             all views share; () = unknown. Not part of the identity (`hash`).
 
     Raises:
-        ConfigError: if the bones are no tree over all joints, a name repeats, or an index or floor is out of
-            range.
+        ConfigError: if the bones are not a tree over all joints, a name repeats, or an index or floor is out
+            of range.
     """
 
     name: str

@@ -253,12 +253,12 @@ class StampLine:
         """Return the line for plain values, as `words` returns them.
 
         Raises:
-            DataError: if values are missing or are no numbers.
+            DataError: if values are missing or are not numbers.
         """
         try:
             return cls(int(words["reference_ns"]), int(words["offset_ns"]), float(words["drift"]))
         except (KeyError, TypeError, ValueError):
-            raise DataError(f"{shown(words)} is no correction of stamps") from None
+            raise DataError(f"{shown(words)} is not a correction of stamps") from None
 
     def words(self) -> dict[str, Any]:
         """Return plain values that a file can hold."""

@@ -37,7 +37,7 @@ class VisibilityLimit:
 
     @classmethod
     def of_depths(cls, depths: Array, margin: float) -> VisibilityLimit:
-        """Return the limit for surfaces with the given depths; the depths divide the image as cells do.
+        """Return the limit for surfaces with the given depths, one per cell of an even grid on the image.
 
         Cells that are smaller than needed are merged, and the farthest surface counts. A cell with an unknown
         depth has no limit.

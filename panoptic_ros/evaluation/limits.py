@@ -28,7 +28,7 @@ def parse_limit(text: str, upper: bool = False) -> Limit:
     try:
         return Limit(name.strip(), float(number), upper)
     except ValueError:
-        raise UsageError(f"{text!r} is no limit of a score; write e.g. person_recall=0.98") from None
+        raise UsageError(f"{text!r} is not a limit of a score; write e.g. person_recall=0.98") from None
 
 
 def failures(scores: Mapping[str, Any], limits: Sequence[Limit]) -> list[str]:

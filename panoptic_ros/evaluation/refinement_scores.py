@@ -25,9 +25,10 @@ def refinement_scores(pairs: Sequence[FramePair], joint_names: Sequence[str]) ->
     """Return scores of results against their truth by name; NaN where nothing counts.
 
     acceleration_error: See `acceleration_error`, m/s^2. mpjpe_mm: Mean error. offset_free_mm,
-    offset_free_p95_mm: Mean and 95th percentile of the error without its constant offset. The offset is the
-    mean error over all pairs, per person and joint, in the truth's torso frame. fast_mm: The same mean for
-    joints whose true speed is above 1 m/s. pck_10cm: Share of the truth's joints with an error below 10 cm.
+    offset_free_p95_mm: Mean and 95th percentile of the error without its constant offset. This offset is the
+    mean error over all pairs, per person and joint, in the truth's torso frame. fast_mm: As
+    offset_free_mm, of joints whose true speed is above 1 m/s. pck_10cm: Share of the truth's joints with an
+    error below 10 cm.
 
     Raises:
         DataError: If the truth lacks shoulders or hips.

@@ -40,7 +40,7 @@ MOST_INSTANTS = 12
 LEAST_PEOPLE = 3  # smallest number of matched people for a camera pair to count
 DROP = 0.4  # largest share of the residual that may remain when a mistake is undone
 MOST_MISTAKES = 4
-WORST = 300.0  # px; all larger residuals are treated as this
+WORST = 300.0  # px, upper limit of residuals; larger ones are clipped
 NOISES = 3.0  # largest residual of views that agree, in standard deviations of the noise
 SUSPICION = 0.55  # share of the tolerance; a larger residual is suspicious
 # smallest number of groups taken as rooms; of two groups that disagree, one is probably wrong
@@ -130,7 +130,10 @@ def check_rig(rig: Rig, sets: Sequence[DetectionSet], skeleton: SkeletonModel) -
 
 
 def _is_told_by(note: Notice, other: Notice) -> bool:
-    """Return whether a notice based on numbers is repeated by one of its kind that is based on people."""
+    """Return whether a notice based on the numbers of the rig is repeated by `other`, based on people.
+
+    That is so if both have the same code, and `other` names all cameras of the notice.
+    """
     cameras = set(note.values.get("cameras", ()))
     return note.code == other.code and bool(cameras) and cameras <= set(other.values["cameras"])
 

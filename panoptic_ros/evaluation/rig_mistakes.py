@@ -306,7 +306,7 @@ class _ExchangeKind:
     could_be: Callable[[Rig, Sequence[str]], bool] = _any
 
 
-_KINDS = (  # if two kinds explain the same, the first is reported
+_KINDS = (  # if two kinds explain the same views, the first is reported
     _ExchangeKind("cameras {a} and {b} look exchanged", "cameras look mixed up", _views_of),
     _ExchangeKind(
         "the intrinsics of cameras {a} and {b} look exchanged",

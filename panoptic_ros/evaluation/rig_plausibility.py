@@ -20,7 +20,7 @@ FAR_APART = 200.0  # m; largest plausible span of a rig
 MOST_TANGENTIAL = 0.03
 # share of the rig's span; closer cameras are treated as one pose, since even stereo heads are wider
 ONE_PLACE = 1e-3
-ONE_DIRECTION = np.radians(0.5)  # rad; the same limit for their rotations
+ONE_DIRECTION = np.radians(0.5)  # rad; closer rotations are treated as one pose, too
 
 
 def implausible_cameras(rig: Rig) -> list[Notice]:

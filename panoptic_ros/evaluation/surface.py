@@ -16,7 +16,7 @@ from panoptic_ros.domain.parts import Part, rigid_parts
 from panoptic_ros.evaluation.pairing import FramePair
 
 Array = np.ndarray
-NEAR = 0.1  # m; farther from every surface point, there is no body
+NEAR = 0.1  # m; beyond this distance from all surface points there is no body
 
 
 @dataclass(frozen=True, slots=True, eq=False)

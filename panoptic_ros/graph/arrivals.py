@@ -99,7 +99,7 @@ class ArrivalCounters:
         return self.regular and age > LEAST_SILENCE_NS and age > SILENT_PERIODS * self.period_ns()
 
     def rate_hz(self, now_ns: int) -> float:
-        """Return the recent message rate, Hz; it decreases while none come."""
+        """Return the recent message rate, Hz; it decreases while no messages come."""
         if not self._intervals:
             return 0.0
         mean = sum(self._intervals) / len(self._intervals)

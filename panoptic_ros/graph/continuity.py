@@ -48,7 +48,7 @@ class Continuity:
     """
 
     _newest: int | None = None  # newest used timestamp
-    _used_ns: int = 0  # arrival time of that record
+    _used_ns: int = 0  # arrival time of the record with that timestamp
     # (timestamp, arrival time)
     _came: deque[tuple[int, int]] = field(default_factory=lambda: deque(maxlen=WAITING))
     # largest lead (timestamp minus clock): in the previous window of LEAD_NS, and in the current one
@@ -56,8 +56,8 @@ class Continuity:
     _lead_since_ns: int = 0
     _other: int = 0  # newest timestamp of a possible other time line
     _agreeing: int = 0
-    _longest: int = 0  # longest step between these
-    _since_ns: int = 0  # arrival time of the first of them
+    _longest: int = 0  # longest step between its timestamps
+    _since_ns: int = 0  # arrival time of the first record of it
     _pace: int = 0  # longest step of an accepted other time line
 
     def judge(self, stamp_ns: int, now_ns: int) -> Verdict:

@@ -232,7 +232,7 @@ AFTER_DETECTION = (
     "patches",
     "refinement",
 )
-SOUND = ("timecode", "clocks")  # timecode in audio, and clocks from it
+SOUND = ("timecode", "clocks")  # timecode in audio, and clocks from timecode
 SLOW = (
     "offsets",
     "continuous",

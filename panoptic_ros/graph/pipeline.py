@@ -255,7 +255,7 @@ class Pipeline:
         return make_stage(name, self._configs[name], self._context, self.wiring.table)
 
     def _find_special_stages(self) -> None:
-        """Find the stages that use information of a live graph, or work after their results are passed on."""
+        """Find the stages with extra interfaces: lateness, arrival times, and work in idle time."""
         self._punctual = [stage for stage in self._stages if isinstance(stage, LatenessAwareStage)]
         self._timed_stages = [stage for stage in self._stages if isinstance(stage, ArrivalAwareStage)]
         self._idle_work = [stage for stage in self._stages if isinstance(stage, IdleWorkStage)]

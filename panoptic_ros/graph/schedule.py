@@ -82,7 +82,7 @@ class StageSchedule:
         self._given: tuple[Place, int] = (
             (),
             0,
-        )  # current turn of a stage that is no head, and number of outputs for it
+        )  # current turn of a stage that is not a head, and number of outputs for it
         self._number = 0
         self._closed: set[int] = set()
 

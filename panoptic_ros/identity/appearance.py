@@ -20,7 +20,8 @@ Array = np.ndarray
 MEMORY = 200.0  # looks, over which colours are averaged
 # standard deviation per channel of means at different times: by the light, which no averaging removes
 LASTING = np.array([0.12, 0.03, 0.03])
-LOOK, LOOKS = np.array([0.1, 0.04, 0.04]), 5.0  # prior standard deviation of one look; its weight in looks
+# prior standard deviation of one look; weight of this prior in looks
+LOOK, LOOKS = np.array([0.1, 0.04, 0.04]), 5.0
 CORRELATED = 10.0  # number of successive looks with the same error
 # standard deviation of clothing colours over people, per channel: torso, legs
 PEOPLE = np.array([[0.4, 0.4, 0.4], [0.3, 0.15, 0.15]])

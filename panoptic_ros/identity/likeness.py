@@ -17,7 +17,7 @@ from panoptic_ros.identity.assignment import best_pairs
 
 Array = np.ndarray
 
-# m, prior standard deviation of a bone length in one frame; its weight in frames
+# m, prior standard deviation of a bone length in one frame; weight of this prior in frames
 FRAME_SIGMA, FRAME_FRAMES = 0.02, 5.0
 # share of that variance that no averaging removes; number of successive frames with the same error
 LASTING, CORRELATED = 0.1, 2.0

@@ -103,7 +103,7 @@ def predict(motion, dt):
 def update_joints(motion, t, positions, covariances, views, states):
     """Update the filters of person t with a skeleton, in place.
 
-    A joint that was filled with the help of the prediction and bones is no independent measurement. It
+    A joint that was filled with the help of the prediction and bones is not an independent measurement. It
     replaces the position of its filter.
 
     Args:

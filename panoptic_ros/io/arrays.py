@@ -44,7 +44,7 @@ def arrays_of(path: Path) -> Iterator[Mapping[str, Any]]:
                     with archive.open(name) as file:
                         _check(file, archive.getinfo(name).file_size, f"{path}: {name}")
         except zipfile.BadZipFile as error:
-            raise DataError(f"{path} is no intact .npz file: {one_line(error)}") from None
+            raise DataError(f"{path} is not an intact .npz file: {one_line(error)}") from None
         with np.load(path) as found:
             yield found
 

@@ -26,7 +26,7 @@ JUMP_NS = 5 * SECOND
 # Messages to try until one is usable: some drivers begin with an empty image.
 TRIES = 10
 DEPTH_KEYS = ("compressed_depth", "depth")  # if a camera has both topics, the last is read
-SENSOR_KEYS = ("compressed_sensor_depth", "sensor_depth")  # the same for a depth sensor
+SENSOR_KEYS = ("compressed_sensor_depth", "sensor_depth")  # as DEPTH_KEYS, for a depth sensor
 TRACKS_KEY = "patch_tracks"
 SOUND_KEY = "audio"
 IMAGE_KEY = "image"

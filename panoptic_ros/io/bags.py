@@ -32,6 +32,8 @@ from panoptic_ros.io.storages.opening import ROS_1_SUFFIX, Ros1BagError, of_ros_
 from panoptic_ros.io.storages.storage import NEVER_NS, MessageBatch, Row
 from panoptic_ros.io.takes import sync_files
 
+RESULT_BAG = "bag"  # name of the bag in the results of `panoptic run`
+
 
 class BagWriter:
     """Writer of a bag that appears under its final name only after it is closed without an error.
@@ -153,6 +155,11 @@ def is_bag(path: Path) -> bool:
     return (path / NAME).is_file() or (path.is_file() and (is_storage(path) or path.suffix == ROS_1_SUFFIX))
 
 
+def bag_in(path: Path) -> Path | None:
+    """Return the bag at a path, or the bag of the results of a run at the path; None if there is none."""
+    return next((place for place in (path, path / RESULT_BAG) if is_bag(place)), None)
+
+
 class BagReader:
     """Reader of a bag: its topics, and its messages in the order of recording.
 
@@ -161,7 +168,7 @@ class BagReader:
     parallel, also in separate threads.
 
     Raises:
-        DataError: if it is no bag, was never finished, or is damaged.
+        DataError: if it is not a bag, was never finished, or is damaged.
     """
 
     def __init__(self, path: Path):

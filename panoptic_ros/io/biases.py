@@ -99,7 +99,7 @@ def offset_of(word: str, entries: Mapping[str, Array]) -> Array:
 
 def _entries(document: Any, path: Path) -> dict[str, Array]:
     if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise ConfigError(f"{path} is no bias table: it needs format: {FORMAT}")
+        raise ConfigError(f"{path} is not a bias table: it needs format: {FORMAT}")
     tell_unknown(document, KEYS, path)
     rows = document.get("offsets")
     if not isinstance(rows, dict) or not rows:

@@ -84,7 +84,7 @@ def read_bodies(path: Path) -> tuple[tuple[str, ...], list[BodyState]]:
     """
     document = read_frames(path)
     if not isinstance(document, dict) or document.get("format") != KINEMATICS:
-        raise DataError(f"{path} is no {KINEMATICS} file")
+        raise DataError(f"{path} is not a {KINEMATICS} file")
     tell_unknown(document, KEYS, path)
     with parsing(path):
         states = [

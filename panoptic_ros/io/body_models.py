@@ -33,7 +33,7 @@ def read_body_model(name: str = DEFAULT_MODEL) -> SegmentModel:
         path = share_folder() / "config" / "bodies" / f"{name}.yaml"
     document = read_yaml(path)
     if not isinstance(document, dict):
-        raise DataError(f"{path} is no skeleton of segments")
+        raise DataError(f"{path} is not a skeleton of segments")
     tell_unknown(document, MODEL_KEYS, path)
     with parsing(path):
         try:
@@ -51,7 +51,7 @@ def read_body_shape(model: SegmentModel, name: str = DEFAULT_SHAPE) -> BodyShape
     path = share_folder() / "config" / "bodies" / f"{name}.yaml"
     document = read_yaml(path)
     if not isinstance(document, dict):
-        raise DataError(f"{path} is no shape of a body")
+        raise DataError(f"{path} is not a shape of a body")
     tell_unknown(document, SHAPE_KEYS, path)
     with parsing(path):
         return read_shape(document, model)

@@ -50,7 +50,9 @@ def read_c3d(path: Path) -> JointTrajectories:
     """
     data = read_bytes(path, largest_document())
     if len(data) < 512 or data[1] != SECOND_BYTE:
-        raise DataError(f"{path} is no C3D file: its second byte is not 0x50, or it is shorter than a block")
+        raise DataError(
+            f"{path} is not a C3D file: its second byte is not 0x50, or it is shorter than a block"
+        )
     package = _package()
     with parsing(path):
         return _motion(package, data, path)
@@ -58,7 +60,7 @@ def read_c3d(path: Path) -> JointTrajectories:
 
 def _motion(package: Any, data: bytes, path: Path) -> JointTrajectories:
     # ezc3d trusts the lengths in a file, so a damaged file can crash its process
-    what = f"{path} is no intact C3D file; it"
+    what = f"{path} is not an intact C3D file; it"
     points, residuals, point = apart(lambda: _content(package, path), what, len(data))
     labels, rate = _labels(point), float(point["RATE"]["value"][0])
     joints = np.moveaxis(np.asarray(points[:3], float), 0, -1).swapaxes(0, 1)
@@ -67,7 +69,7 @@ def _motion(package: Any, data: bytes, path: Path) -> JointTrajectories:
         raise DataError(f"{path}: {count} frames of {number} points, {len(labels)} labels, at {rate:g} Hz")
     stated = _frames_stated(data)
     if count < stated < LARGEST:  # longer recordings do not state their length in the header
-        raise DataError(f"{path} is no intact C3D file: it has {count} of {stated} frames")
+        raise DataError(f"{path} is not an intact C3D file: it has {count} of {stated} frames")
     joints[np.asarray(residuals)[0].T < 0.0] = np.nan
     joints[~(np.abs(joints) < LARGEST_VALUE)] = np.nan
     turn = np.array(UPRIGHT[_up(path, point)], float)

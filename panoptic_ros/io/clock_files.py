@@ -139,6 +139,15 @@ def write_models(path: Path, models: Mapping[str, ClockModel], delays_ms: Mappin
     _write(path, reference, cameras)
 
 
+def write_offsets(path: Path, offsets: Mapping[str, tuple[float, float, bool]], reference_ns: int) -> None:
+    """Write constant clock offsets by camera: offset, s, standard deviation, s, whether it is observable."""
+    cameras = {
+        name: {**_clock(offset, deviation, 0.0, 0.0), "observable": observable}
+        for name, (offset, deviation, observable) in offsets.items()
+    }
+    _write(path, reference_ns, cameras)
+
+
 def read_clocks(path: Path) -> dict[str, SavedClock]:
     """Read the clocks that can be applied, by camera: those that were observable.
 
@@ -149,7 +158,7 @@ def read_clocks(path: Path) -> dict[str, SavedClock]:
     found = document.get("format") if isinstance(document, dict) else None
     if found not in (FORMAT, OLDER):
         raise DataError(
-            f"{path} is no {FORMAT} file; `panoptic continuous --clocks-out` and `panoptic solve "
+            f"{path} is not a {FORMAT} file; `panoptic continuous --clocks-out` and `panoptic solve "
             "--offsets-out` write one"
         )
     tell_unknown(document, KEYS if found == FORMAT else OLDER_KEYS, path)

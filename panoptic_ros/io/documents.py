@@ -39,7 +39,7 @@ def decoded(data: bytes, path: Path | str) -> str:
         return data.decode("utf-16" if marked else "utf-8-sig")
     except UnicodeDecodeError as error:
         at = f"byte {error.start} is none of it"
-        raise DataError(f"{path} is no text in UTF-{16 if marked else 8}: {at}; save it as UTF-8") from None
+        raise DataError(f"{path} is not text in UTF-{16 if marked else 8}: {at}; save it as UTF-8") from None
 
 
 def read_text(path: Path, most: int = LARGEST_TABLES) -> str:
@@ -49,7 +49,7 @@ def read_text(path: Path, most: int = LARGEST_TABLES) -> str:
         most: largest size, bytes.
 
     Raises:
-        DataError: if it cannot be read, is larger, or is no text.
+        DataError: if it cannot be read, is larger, or is not text.
     """
     return decoded(read_unpacked(Path(path), most), path)
 
@@ -61,7 +61,7 @@ def read_json(path: Path, most: int | None = None) -> Any:
         most: largest size of the text, bytes; None = limited by the machine's memory.
 
     Raises:
-        DataError: if it is no JSON.
+        DataError: if it is not JSON.
     """
     return parse_json(read_unpacked(Path(path), most), path)
 
@@ -74,7 +74,7 @@ def parse_json(data: bytes | str, path: Path | str, kind: type[UserError] = Data
         kind: error type.
 
     Raises:
-        UserError: of type `kind`, if it is no JSON.
+        UserError: of type `kind`, if it is not JSON.
     """
     try:
         return json.loads(data)
@@ -92,7 +92,7 @@ def read_yaml(path: Path, most: int = LARGEST_YAML, values: int = MOST_VALUES) -
         values: largest number of values, with all aliases expanded.
 
     Raises:
-        DataError: if it is no YAML, is nested too deeply, or has too many values.
+        DataError: if it is not YAML, is nested too deeply, or has too many values.
     """
     text = decoded(read_bytes(Path(path), most), path)
     with parsing(path):  # the loader converts values such as dates, and Python raises errors of its own there
@@ -157,7 +157,7 @@ def parse_toml(text: str, path: Path | str, kind: type[UserError] = DataError) -
         kind: error type.
 
     Raises:
-        UserError: of type `kind`, if it is no TOML.
+        UserError: of type `kind`, if it is not TOML.
     """
     if sys.version_info >= (3, 11):  # imported here because most runs do not need it
         import tomllib
@@ -180,7 +180,7 @@ def parse_xml(text: str, path: Path | str, kind: type[UserError] = DataError) ->
         kind: error type.
 
     Raises:
-        UserError: of type `kind`, if it is no XML, or defines entities, which can expand to any length.
+        UserError: of type `kind`, if it is not XML, or defines entities, which can expand to any length.
     """
     from xml.etree import ElementTree  # imported here because most runs do not need it
 
@@ -196,7 +196,7 @@ def csv_rows(text: str, path: Path | str) -> Iterator[tuple[int, list[str]]]:
     """Yield each row of a CSV text: the number of its last line, counted from 1, and its fields.
 
     Raises:
-        DataError: if the text is no CSV.
+        DataError: if the text is not CSV.
     """
     reader = csv.reader(io.StringIO(text, newline=""))
     while True:

@@ -109,7 +109,7 @@ def read_frames(path: Path) -> Any:
     """Read a JSON document of frames; if it ends early, return its complete frames with a `CutFileWarning`.
 
     Raises:
-        DataError: if it is no such document.
+        DataError: if it is not such a document.
     """
     try:
         return read_json(path)
@@ -131,7 +131,7 @@ def whole_frames(packed: bytes) -> tuple[dict[str, Any], int] | None:
         packed: bytes of the gzipped file.
 
     Returns:
-        None if the data are no such document, or damaged in another way than a missing end.
+        None if the data are not such a document, or damaged in another way than a missing end.
     """
     text = _cut_text(packed)
     # After a power cut a file may have its full length, but zeros where the last bytes were not written.

@@ -55,7 +55,7 @@ def _with_offsets(rows: dict[Any, Any], path: Path, model: SegmentModel) -> Segm
         if str(word).startswith("right_") or word not in names:
             left = ", ".join(name for name in names if not name.startswith("right_"))
             name = str(word)[:60]
-            raise ConfigError(f"{path}: {name} is no joint in the middle or on the left; there are {left}")
+            raise ConfigError(f"{path}: {name} is not a joint in the middle or on the left; there are {left}")
         own = _offset(row, f"{path}: offset of {word}")
         found[names[word]] = own
         other = "right_" + str(word).removeprefix("left_")

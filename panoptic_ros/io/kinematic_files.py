@@ -67,7 +67,7 @@ def read_imus(path: Path, notices: list[str] | None = None) -> dict[str, ImuSeri
             numbers = []
         if len(numbers) != len(COLUMNS) - 2 or abs(stamp) >= 2**63:
             said = shown(",".join(row), 80)
-            raise DataError(f"{path}, line {number}: {said} is no sample of an IMU")
+            raise DataError(f"{path}, line {number}: {said} is not a sample of an IMU")
         stamps.setdefault(name, []).append(stamp)
         values.setdefault(name, []).append(numbers)
     told: dict[str, list[str]] = {}
@@ -138,7 +138,7 @@ def read_subject(path: Path, model: SegmentModel) -> Subject:
     """
     document = read_json(path)
     if not isinstance(document, dict) or document.get("format") != SUBJECT:
-        raise DataError(f"{path} is no {SUBJECT} file")
+        raise DataError(f"{path} is not a {SUBJECT} file")
     tell_unknown(document, KEYS, path)
     with parsing(path):
         return _subject(document, model, path)
@@ -270,7 +270,7 @@ def _vector(values: Any, count: int, where: str) -> Array:
     if found.shape != (count,) or not (np.abs(found) <= LARGEST).all():
         raise DataError(f"{where} = {shown(values)} is not {count} numbers, at most {LARGEST:g}")
     if count == 4 and not found.any():
-        raise DataError(f"{where} = {shown(values)} is no rotation; expected a quaternion w x y z")
+        raise DataError(f"{where} = {shown(values)} is not a rotation; expected a quaternion w x y z")
     return found
 
 

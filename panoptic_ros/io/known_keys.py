@@ -36,7 +36,7 @@ def keys(words: str = "", **inner: Any) -> dict[str, Any]:
 def tell_unknown(document: Any, known: Any, path: Path | str) -> None:
     """Warn of each unknown key with the nearest known one, one line each.
 
-    A value that is no table where one is expected is left to the reader.
+    A value that is not a table where one is expected is left to the reader.
 
     Args:
         known: `Keys` of a table, or a list of one `Keys` for a list of tables.

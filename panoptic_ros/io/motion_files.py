@@ -90,7 +90,7 @@ def _bvh(words: Iterator[str], path: Path, unit: float) -> JointTrajectories:
         values = np.array([float(word) for word in words])
         table = values.reshape(count, sum(len(own) for own in channels))
     except (StopIteration, ValueError, IndexError) as error:
-        raise DataError(f"{path} is no intact BVH file: {one_line(error)}") from None
+        raise DataError(f"{path} is not an intact BVH file: {one_line(error)}") from None
     if not 0.0 < period < math.inf or not np.isfinite(table).all() or not np.isfinite(offsets).all():
         raise DataError(f"{path}: frames of {period} s or numbers that are none")
     places = _placed(parents, np.array(offsets), channels, table)

@@ -77,7 +77,7 @@ def write_occluders(path: Path, things: Occluders) -> None:
 def _entries(document: Mapping[str, Any], key: str, path: Path) -> list[tuple[int, Any]]:
     entries = document.get(key, [])
     if not isinstance(entries, list) or not all(isinstance(item, Mapping) for item in entries):
-        raise DataError(f"{path}: {key} is no list of objects")
+        raise DataError(f"{path}: {key} is not a list of objects")
     return list(enumerate(entries))
 
 
@@ -91,7 +91,7 @@ def _box(item: Mapping[str, Any], where: str) -> Occluders:
         raise DataError(f"{where}: size {size.tolist()} has a negative edge")
     rotation = _numbers(item, "R", where, (3, 3)) if "R" in item else np.eye(3)
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3):
-        raise DataError(f"{where}: R is no rotation; its columns are the box's axes in the world")
+        raise DataError(f"{where}: R is not a rotation; its columns are the box's axes in the world")
     return Occluders.box(size, rotation, _numbers(item, "centre", where, (3,)))
 
 
@@ -113,7 +113,7 @@ def _numbers(item: Mapping[str, Any], key: str, where: str, shape: tuple[int, ..
     except KeyError:
         raise DataError(f"{where} has no {shown(key)}") from None
     except (TypeError, ValueError, OverflowError):
-        raise DataError(f"{where}: {key} has something that is no number") from None
+        raise DataError(f"{where}: {key} has something that is not a number") from None
     fits = values.ndim == len(shape) and all(n in (-1, m) for n, m in zip(shape, values.shape))
     if not fits or not (np.abs(values) <= LARGEST).all():
         wanted = " x ".join("n" if n < 0 else str(n) for n in shape) + " finite numbers"
@@ -147,7 +147,7 @@ def read_mesh(path: Path) -> Occluders:
     """Read the triangles of a mesh file.
 
     Raises:
-        DataError: naming the file, if it is no PLY or OBJ mesh that can be read.
+        DataError: naming the file, if it is not a PLY or OBJ mesh that can be read.
     """
     data = read_bytes(path, largest_document())
     try:
@@ -158,7 +158,9 @@ def read_mesh(path: Path) -> Occluders:
         raise
     except Exception as error:  # a parser of arbitrary content can raise any exception
         detail = "it ends too early" if isinstance(error, StopIteration) else one_line(error)
-        raise DataError(f"{path} is no mesh that can be read ({detail}); export it as a text PLY") from None
+        raise DataError(
+            f"{path} is not a mesh that can be read ({detail}); export it as a text PLY"
+        ) from None
     if not len(things.triangles):
         raise DataError(f"{path} has no faces; a point cloud hides nothing")
     return things

@@ -33,8 +33,8 @@ def parameter_page(classes: Mapping[str, type[Config]]) -> str:
         HEADER,
         "",
         "Set them with `panoptic ... --set stage.name=value`, in a file for `--config` "
-        "(`{stage: {name: value}}`, or like `config/<stage>.yaml`), or as ROS parameters of the "
-        "stage's node. `--preset NAME` sets many at once (`config/presets`); the other two take precedence.",
+        "(`{stage: {name: value}}`, or like `config/<stage>.yaml`), or as ROS parameters of the stage's "
+        "node. `--preset NAME` sets many at once (`config/presets`); the other values take precedence.",
         "",
         *_changed_by_labs(classes),
         "",

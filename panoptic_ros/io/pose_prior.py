@@ -40,7 +40,7 @@ def read_prior(name: str = "", model: SegmentModel | None = None) -> PoseStatist
         try:
             arrays = [found[key] for key in PRIOR_KEYS]
         except KeyError as error:
-            told = f"{path} is no pose prior, or an old one ({one_line(error)})"
+            told = f"{path} is not a pose prior, or an old one ({one_line(error)})"
             raise DataError(f"{told}: train it again") from None
         own = tuple(map(str, found[SEGMENTS])) if SEGMENTS in found else read_body_model().names
     with parsing(path):
@@ -62,12 +62,14 @@ def _check_shapes(arrays: Sequence[np.ndarray], path: Path) -> None:
     shapes = [array.shape for array in arrays]
     count, kept = mean.shape[:1], deviations.shape[:1]
     if shapes != [count, count + kept, kept, count]:
-        raise DataError(f"{path} is no pose prior: its arrays have the shapes {', '.join(map(str, shapes))}")
+        raise DataError(
+            f"{path} is not a pose prior: its arrays have the shapes {', '.join(map(str, shapes))}"
+        )
     for key, array in zip(PRIOR_KEYS, arrays):
         if array.dtype.kind not in "fiu" or not np.isfinite(array).all():
-            raise DataError(f"{path} is no pose prior: {key} has something that is no finite number")
+            raise DataError(f"{path} is not a pose prior: {key} has something that is not a finite number")
     if not (deviations > 0.0).all() or not (spreads >= 0.0).all():
-        raise DataError(f"{path} is no pose prior: a deviation is 0 or negative")
+        raise DataError(f"{path} is not a pose prior: a deviation is 0 or negative")
 
 
 def write_prior(path: Path, statistics: PoseStatistics, model: SegmentModel) -> None:

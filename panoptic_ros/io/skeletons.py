@@ -28,7 +28,7 @@ def load_skeleton(name_or_path: str) -> SkeletonModel:
     """Read a skeleton model by its name, or from a YAML file.
 
     Raises:
-        ConfigError: if the name is unknown or the file is no skeleton.
+        ConfigError: if the name is unknown or the file is not a skeleton.
     """
     return _model(_document(name_or_path))
 
@@ -134,7 +134,7 @@ def _checked(document: Any, path: Path) -> dict[str, Any]:
     wanted = {"name": str, "root": str, "head": str, "joints": dict, "bones": list}
     for key, kind in wanted.items():
         if not isinstance(document, dict) or not isinstance(document.get(key), kind):
-            raise DataError(f"{path} is no skeleton model: it needs a {kind.__name__} {shown(key)}")
+            raise DataError(f"{path} is not a skeleton model: it needs a {kind.__name__} {shown(key)}")
     tell_unknown(document, KEYS, path)
     whole: dict[str, Any] = {"left_right": [], "mean_of": {}, **document}
     _check(whole, path)
@@ -158,7 +158,7 @@ def _check(document: dict[str, Any], path: Path) -> None:
     for key in ("bones", "left_right"):
         for row in document[key]:
             if not isinstance(row, list) or len(row) != 2:
-                raise DataError(f"{path}: an entry of {key} is no list of two joints: {shown(row)}")
+                raise DataError(f"{path}: an entry of {key} is not a list of two joints: {shown(row)}")
     named = [("mean_of", [joint, *parts]) for joint, parts in means.items()]
     named += [(key, row) for key in ("bones", "left_right") for row in document[key]]
     for key, row in named:

@@ -71,13 +71,13 @@ def read_synctables(*paths: Path) -> dict[str, SyncStream]:
     """Read the streams by name: "hd", "vga" if present, "color/KINECTNODE1", "depth/KINECTNODE1", ...
 
     Raises:
-        DataError: naming the file and the entry that is no table of times.
+        DataError: naming the file and the entry that is not a table of times.
     """
     streams: dict[str, SyncStream] = {}
     for path in paths:
         document = read_json(path)
         if not isinstance(document, dict):
-            raise DataError(f"{path} is no sync table: an object with hd or kinect is expected")
+            raise DataError(f"{path} is not a sync table: an object with hd or kinect is expected")
         tell_unknown(document, KEYS, path)
         with parsing(path):
             for system in ("hd", "vga"):
@@ -147,9 +147,9 @@ def _stream(name: str, table: Any, path: Path) -> SyncStream:
         times = np.array(values, float)
         index = np.array(table.get("index", range(len(times))), int)
     except (TypeError, ValueError, OverflowError):
-        raise DataError(f"{path}: {name}.univ_time is no list of numbers") from None
+        raise DataError(f"{path}: {name}.univ_time is not a list of numbers") from None
     if times.ndim != 1 or index.shape != times.shape:
         raise DataError(f"{path}: {name} has {times.size} times and {index.size} indices")
     if times.max() > LATEST_MS:
-        raise DataError(f"{path}: {name}.univ_time has {times.max():g} ms, which is no time")
+        raise DataError(f"{path}: {name}.univ_time has {times.max():g} ms, which is not a time")
     return SyncStream(name, np.where(times > 0.0, times, np.nan), index)

@@ -23,7 +23,7 @@ ZONES = {code + k: ahead + step * k for code, ahead, step, count in _RUNS for k 
 
 @dataclass(frozen=True, slots=True)
 class DateAndZone:
-    """A date, and the offset of its time zone to UTC; None if the code is no offset."""
+    """A date, and the offset of its time zone to UTC; None if the code is not an offset."""
 
     date: datetime.date
     zone: datetime.timedelta | None

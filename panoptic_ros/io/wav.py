@@ -20,7 +20,7 @@ def read_wav(path: Path, channel: int = 0) -> tuple[int, Array]:
     """Read the sample rate (Hz) and one channel (counted from 0) as samples (N,) float32 in -1..1.
 
     Raises:
-        DataError: if it is no WAV file, or an empty one.
+        DataError: if it is not a WAV file, or an empty one.
         UsageError: if the channel does not exist.
     """
     sample_rate, samples = _read(path)
@@ -33,7 +33,7 @@ class WavFile:
     """WAV file of any length, whose samples are read on demand.
 
     Raises:
-        DataError: if it is no WAV file, or an empty one.
+        DataError: if it is not a WAV file, or an empty one.
     """
 
     def __init__(self, path: Path):
@@ -72,13 +72,13 @@ def _read(path: Path, mapped: bool = False) -> tuple[int, Array]:
             warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks that are not audio
             sample_rate, samples = wavfile.read(path if data is None else io.BytesIO(data), mmap=mapped)
     except NameError:  # scipy raises it for a file without a data chunk
-        raise DataError(f"{path} is no WAV file that can be read: it has no samples") from None
+        raise DataError(f"{path} is not a WAV file that can be read: it has no samples") from None
     except UserError:
         raise
     except Exception as error:  # scipy trusts the header, so a damaged file can raise any exception
         if mapped:  # 24-bit samples cannot be mapped
             return _read(path)
-        raise DataError(f"{path} is no WAV file that can be read: {one_line(error)}") from None
+        raise DataError(f"{path} is not a WAV file that can be read: {one_line(error)}") from None
     if not len(samples):
         raise DataError(f"{path} has no samples")
     if not 0 < sample_rate <= HIGHEST_RATE:

@@ -269,7 +269,7 @@ class KinematicsStage(Stateful):
             return self._take_waiting(item)
         notices = self._take_waiting(None)
         if waiting is None or waiting.number < item.index:
-            # beside views, skeletons are no source of their own for which instants would wait
+            # beside views, skeletons are not a source of their own for which instants would wait
             notices += [] if self._timeline.has_cameras() else self._came(IN_SPACE, item.stamp_ns)
             self._take_joints(item)
         return notices
@@ -351,7 +351,7 @@ class KinematicsStage(Stateful):
         return outputs
 
     def _measured_at(self, stamp_ns: int) -> dict[int, ImuMeasurements]:
-        """Return what each person's devices measured at an instant, by id."""
+        """Return the measurements of each person's devices at an instant, by id."""
         offsets = {number: person.fitting.offset_ns for number, person in self._people.items()}
         return self._wearers.measured(self._streams, stamp_ns, offsets)
 

@@ -24,7 +24,7 @@ CATCHES_UP = 1.5
 # from most of the devices
 BELIEVED = 5
 WAIT_NS = 500_000_000  # waiting time for cameras, before instants begin with the first sample of an IMU
-STOPPED_NS = 500_000_000  # time after which a silent source is no longer waited for
+STOPPED_NS = 500_000_000  # ns of silence after which instants no longer wait for a source
 USUAL_PERIOD_NS = 40_000_000  # default period of a camera with fewer than two timestamps
 LONGEST_PERIOD_NS = 100_000_000
 # minimum waiting time: views of faster cameras still pass through association and tracking
@@ -70,9 +70,9 @@ class InstantSchedule:
         self._awaited: int | str | None = None  # the source for which the last call waited
         self._periods: dict[int | str, int] = {}
         self._slowest = USUAL_PERIOD_NS  # longest period of a camera
-        # by source, since its last timestamp that was not too far off
+        # gap since the last timestamp of a source that was not too far off, by source
         self._ahead: dict[int | str, _StampGap] = {}
-        self._others_go_on = False  # other sources continued since the first of these
+        self._others_go_on = False  # whether other sources continued since the first of these gaps
         self.newest_ns = -1
 
     @property

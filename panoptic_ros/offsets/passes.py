@@ -36,8 +36,7 @@ class MotionClocksConfig:
 
     Args:
         solve: solver that returns tracked persons for sets, which it reads in order.
-        trusted_camera: camera whose timestamps are right; "": the offsets have mean 0 unless most cameras
-            agree.
+        trusted_camera: camera with right timestamps; "" = most cameras, if they agree, else mean offset 0.
     """
 
     solve: Solver

@@ -123,7 +123,7 @@ class OffsetsStage(Stateful):
         self._delays = {name: round(1e6 * of_name(delays, name)) for name in context.rig.names}
         if config.trusted_camera and config.trusted_camera not in context.rig.names:
             raise ConfigError(
-                f"offsets.trusted_camera = {config.trusted_camera!r} is no camera of the rig; it has "
+                f"offsets.trusted_camera = {config.trusted_camera!r} is not a camera of the rig; it has "
                 f"{', '.join(context.rig.names)}"
             )
         self.reset()

@@ -160,7 +160,7 @@ def from_text(cls: type[Config], name: str, text: str) -> Any:
     A list is written as a,b or [a, b], or as ["a,b"] if an entry contains a comma.
 
     Raises:
-        ConfigError: if the name is unknown, or the text is no value of its type.
+        ConfigError: if the name is unknown, or the text is not a value of its type.
     """
     for item in describe(cls):
         if item.name == name:

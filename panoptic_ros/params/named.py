@@ -37,7 +37,7 @@ def named_numbers(where: str, entries: Iterable[str]) -> dict[str, float]:
         where: name of the parameter, for the message.
 
     Raises:
-        ConfigError: for an entry of another form, a repeated name, or a value that is no finite number.
+        ConfigError: for an entry of another form, a repeated name, or a value that is not a finite number.
     """
     numbers = {}
     for name, word in named_words(where, entries).items():
@@ -46,7 +46,7 @@ def named_numbers(where: str, entries: Iterable[str]) -> dict[str, float]:
         except ValueError:
             numbers[name] = math.nan
         if not math.isfinite(numbers[name]):
-            raise ConfigError(f"{where}: {shown(word)} of {shown(name)} is no number")
+            raise ConfigError(f"{where}: {shown(word)} of {shown(name)} is not a number")
     return numbers
 
 

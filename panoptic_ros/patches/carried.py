@@ -1,6 +1,6 @@
 """Skeletons propagated by the motions of their parts: steadier than measured ones, and without gaps.
 
-Patches are placed on people by these skeletons, so that they find their part where no view measures its
+Patches are placed on people by these skeletons, so that parts have patches where no view measures their
 joints. Joo et al. 2017, 6.3, instead repeat the association on the filled skeleton.
 """
 

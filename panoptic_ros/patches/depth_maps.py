@@ -20,7 +20,7 @@ from panoptic_ros.stage import Notice
 
 Array = np.ndarray
 KEPT = 4  # number of newest maps that are kept for a sensor
-NEAR_NS = 40_000_000  # greatest time between a map and the instant that it counts for
+NEAR_NS = 40_000_000  # ns, maximum time from a depth map to the instant for which it is used
 SILENT_NS = 1_000_000_000  # time without a map after which a sensor is reported as silent
 WINDOW = 2  # px to each side of a point, window of which the nearest surface counts
 FREE = 0.02  # m, least distance of a free point in front of the surface

@@ -1,9 +1,9 @@
 """Surface patches of people: created at 2D tracks, moved with their parts and corrected by the images.
 
-A patch belongs to its part while the surface of this part, a capsule, is the nearest of its person's at every
-instant. This is the least greatest distance of Joo et al. 2017, 6.2. It is measured from the surface instead
-of the axis, because parts differ in girth. The test removes wrong points. Flow assigns points to parts by the
-2D joints of one view. It assigns to a limb also points beyond its end, and points on a chest behind an arm.
+The surface of a part is a capsule. A patch belongs to a part as long as no other part of the person is nearer
+at any instant (Joo et al. 2017, 6.2). Distances are measured from the surface instead of the axis, because
+parts differ in girth. This test removes wrong points. Flow assigns points to parts by the 2D joints of one
+view. So a limb also gets points beyond its end, and an arm gets points on the chest behind it.
 """
 
 from __future__ import annotations

@@ -49,10 +49,10 @@ from panoptic_ros.refinement.records import (
 from panoptic_ros.refinement.trust import given_up
 from panoptic_ros.refinement.tuning import learn, learn_turns, nothing_lasting, process_noise, scales
 
-SPAN = 0.3  # s, time constant of the recent motion that is compared
+SPAN = 0.3  # s, time constant of the recent motions by surface and by views, which are compared
 MEMORY = 10.0  # s, time constant of the regression sums
 PRIOR = 0.05**2 * SPAN  # m^2 s, weight of the prior gain of 1
-SOFT = 0.05  # m, scale of the Cauchy weight on the difference between both motions
+SOFT = 0.05  # m, scale of the Cauchy weight on the difference of these motions
 MOST = 1.5  # largest gain
 Array = np.ndarray
 

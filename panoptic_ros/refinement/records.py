@@ -66,8 +66,8 @@ class PeopleStatistics(NamedTuple):
     found: Array  # (P, J, 6) m and m/s, estimate for the latest output; NaN = none
     left: Array  # (P, J, 6) m and m/s, latest output minus that estimate
     pulled: Array  # (P, J, 3) m, bone correction of persistent errors in the latest output; NaN = unknown
-    followed: Array  # (P, J, 3) m, recent displacement against the torso, from the surface
-    seen: Array  # (P, J, 3) m, the same from views
+    followed: Array  # (P, J, 3) m, recent displacement relative to the torso, from the surface
+    seen: Array  # (P, J, 3) m, recent displacement relative to the torso, from views
     lengths: Array  # (P, B) m, mean bone lengths
     frames: Array  # (P, B) number of frames in these means
     squares: Array  # (P, B) m^2, mean squared deviations of single lengths from these means

@@ -35,7 +35,7 @@ RANGE = (0.1, 10.0)  # limits of the factor on the process noise
 MEMORY = 100.0  # measurements of a whole person, memory of the scale of covariances
 # prior weight and memory of the correlation of persistent errors, in measurements of whole persons
 LASTING_PRIOR, LASTING_MEMORY = 60.0, 1000.0
-LASTING_FREE = 0.06  # negative correlation, two and three frames apart, that is no sign of persistent errors
+LASTING_FREE = 0.06  # negative correlation, two and three frames apart, up to which errors do not persist
 LASTING_GAIN = 8.0  # growth of covariances per unit of correlation beyond LASTING_FREE
 
 

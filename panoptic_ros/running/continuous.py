@@ -18,7 +18,7 @@ from panoptic_ros.evaluation.nobody import why_nobody
 from panoptic_ros.evaluation.rig_check import check_rig
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.recording import InMemoryRecording
-from panoptic_ros.io.bags import is_bag
+from panoptic_ros.io.bags import bag_in
 from panoptic_ros.io.detector_context import noise_only
 from panoptic_ros.io.loading import parsing, read_bytes
 from panoptic_ros.io.recorded_people import AUTO, read_people
@@ -31,7 +31,6 @@ from panoptic_ros.sync.far_views import without_far_views
 Array = np.ndarray
 COLUMN = "stamp_ns"
 LEAST_PERIOD_NS = 20_000  # ns, between two images of the fastest cameras, at 50 kHz
-RESULT_BAG = "bag"  # name of the bag in the results of `panoptic run`
 DETECTION_FILES = ("detections.json.gz", "detections.json")  # files of 2D people in a capture folder
 
 
@@ -57,7 +56,7 @@ class ContinuousTask:
 def read_continuous_task(
     rig: Path | None,
     detections: Path | None,
-    options: tuple[bool, bool, str, int] = (False, False, "", CAPTURE_VIEWS),
+    options: tuple[bool, bool, str, int | None] = (False, False, "", None),
     skeleton: str = AUTO,
     *,
     capture: Path | None = None,
@@ -68,13 +67,14 @@ def read_continuous_task(
 
     Args:
         rig: calibration; None = that of the capture or bag.
-        options: values of `ContinuousConfig`.
+        options: values of `ContinuousConfig`; None = usual number of `capture_views`.
         capture: folder with 2D people or images, or results of `panoptic run`. Images go through detection.
 
     Raises:
         UserError: on any input fault that the user can fix.
     """
-    task = _read_task(rig, detections, ContinuousConfig(*options), skeleton, capture, bags, progress)
+    config = ContinuousConfig(*options[:3], options[3] or CAPTURE_VIEWS)
+    task = _read_task(rig, detections, config, skeleton, capture, bags, progress)
     _check_unit(views_in_order(task.recording.records("detection_sets")))
     return task
 
@@ -96,7 +96,8 @@ def _read_task(
             f"{' and '.join(given) or 'none'}"
         )
     if capture is not None:
-        bags = [path for path in (capture, capture / RESULT_BAG) if is_bag(path)][:1]
+        found = bag_in(capture)
+        bags = [] if found is None else [found]
         files = [capture / name for name in DETECTION_FILES if (capture / name).is_file()]
         if files and not bags:
             rig, detections = rig or capture, files[0]

@@ -32,7 +32,7 @@ class ExportOptions(NamedTuple):
         begin_s: start of the exported interval, s from the beginning of the recording.
         end_s: end of the exported interval, s; None = the end of the recording.
         segments: name or file of the segment model (skeleton) of the bodies.
-        rig: calibration file that replaces the rig of the results; None = use theirs.
+        rig: calibration file that replaces the rig of the results; None = that of the results.
     """
 
     begin_s: float = 0.0

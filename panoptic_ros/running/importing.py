@@ -140,7 +140,7 @@ class _FileIndex:
 
     def __init__(self, folder: Path, subject: str):
         if not folder.is_dir():
-            raise DataError(f"{folder} is no folder")
+            raise DataError(f"{folder} is not a folder")
         self._folder = folder
         self._whose = re.compile(rf"(^|[/_]){re.escape(subject)}([/_]|$)")
         self._all = sorted(path for path in folder.rglob("*") if path.is_file())

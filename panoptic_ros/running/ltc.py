@@ -67,12 +67,12 @@ def parse_timecode(text: str, rate: FrameRate) -> Timecode:
     """Parse a timecode label. A semicolon before the frames means drop-frame.
 
     Raises:
-        UsageError: if the text is no label.
+        UsageError: if the text is not a label.
         ClockError: if the rate has no such label.
     """
     match = re.fullmatch(r"(\d\d):(\d\d):(\d\d)([:;])(\d\d)", text)
     if match is None:
-        raise UsageError(f"{text!r} is no timecode; write HH:MM:SS:FF")
+        raise UsageError(f"{text!r} is not a timecode; write HH:MM:SS:FF")
     if match.group(4) == ";":
         rate = FrameRate(rate.nominal, rate.exact, True)
     hours, minutes, seconds, frames = (int(match.group(i)) for i in (1, 2, 3, 5))

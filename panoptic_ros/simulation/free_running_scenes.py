@@ -14,7 +14,7 @@ from panoptic_ros.simulation.gestures import HANGING, draw_gesture
 from panoptic_ros.simulation.motions import StandMotion, StepMotion
 from panoptic_ros.simulation.paths import RoundPath
 from panoptic_ros.simulation.people import SimulatedPerson, draw_person, draw_sway, keep_apart
-from panoptic_ros.simulation.rigs import Ring
+from panoptic_ros.simulation.rigs import VGA, Lens, Ring
 from panoptic_ros.simulation.stagings import StagingArea, crossing, visitor
 
 Array = np.ndarray
@@ -35,6 +35,8 @@ DETECTOR = Degradation(
     hidden_noise=2.5,
     limb_swap=0.005,
 )
+# DETECTOR in images a third as wide
+VGA_DETECTOR = replace(DETECTOR, noise_px=0.5, outlier_px=20.0)
 # DETECTOR with the faults that concern whole people
 FAULTY = replace(
     DETECTOR, person_miss=0.03, fewest_joints=4, back_swap=0.01, duplicate=0.01, merge=0.03, ghosts=0.1
@@ -75,6 +77,11 @@ def faster(person: SimulatedPerson, seconds: float, top: float = TOP_TEMPO) -> F
 def one_runner(rng: np.random.Generator, seconds: float) -> list[SimulatedPerson]:
     """Return one person who walks and then runs on a circle."""
     return [_runner(rng, 0, (0.0, 0.0), seconds)]
+
+
+def one_walker(rng: np.random.Generator, seconds: float) -> list[SimulatedPerson]:
+    """Return one person who walks about."""
+    return [draw_person(rng, 0, "walk", rng.uniform(1.6, 1.9), 1.6)]
 
 
 def runner_and_talker(rng: np.random.Generator, seconds: float) -> list[SimulatedPerson]:
@@ -194,6 +201,15 @@ FREE_RUNNING_SCENES: dict[str, FreeRunningScene] = {
             FreeRunning((12.5,)),
             FAULTY,
             20.0,
+        ),
+        FreeRunningScene(
+            "rendered",
+            "11 cameras of 6.4 Hz, random phases; one person walks, with rendered VGA images",
+            one_walker,
+            Ring(11, radius=3.9, heights=(1.0, 2.8), lens=Lens(VGA, (425.0, 440.0), distorted_every=0)),
+            FreeRunning((70.0 / 11.0,)),
+            VGA_DETECTOR,
+            6.0,
         ),
     )
 }

@@ -23,7 +23,7 @@ Array = np.ndarray
 VIEWS = 4  # maximum number of views
 STEP_NS = 33_000_000  # ns, time between the two instants
 SPREAD = 0.4  # m, half the extent of a cloud of a person's size along each axis
-INSIDE = 0.25  # share of half an image that a smaller cloud covers, so that small rigs see all of it
+INSIDE = 0.25  # upper limit of the extent of the cloud, as a share of half an image: small rigs see all of it
 
 
 def cloud_of_joints(rig: Rig, skeleton: SkeletonModel) -> Array:
@@ -62,7 +62,7 @@ def easy_instants(rig: Rig, skeleton: SkeletonModel, delay_ns: int = 0) -> Itera
     """Yield two detection sets that show a cloud of joints and one joint beside it in the first cameras.
 
     Both sets show the same joints, STEP_NS apart. Only joints inside an image are detected, so the cameras of
-    any rig could produce these sets. The joint beside the cloud is no person, so its 2D joints stay
+    any rig could produce these sets. The joint beside the cloud is not a person, so its 2D joints stay
     unexplained.
 
     Args:

@@ -37,7 +37,7 @@ DENIED = 2.0  # standard deviations of a firm prediction, gate for joints that o
 MANY_VIEWS = 8  # views from which twice GOOD_COST is accepted: no wrong position is that cheap in all of them
 # share of a 2D pose's size, standard deviation of border artefacts; measured medians .09-.15, rms .15-.23
 MISPLACED = 0.15
-FITS = 4.0  # squared standard deviations, residual up to which a 2D joint is no artefact
+FITS = 4.0  # squared standard deviations, residual up to which a 2D joint is not an artefact
 GUIDED_STEPS, ROUGH_STEPS, LAST_STEPS = 3, 4, 6  # greatest numbers of Gauss-Newton steps
 
 

@@ -338,7 +338,7 @@ class StateReader:
     def _member(self, node: Sequence[Any]) -> Any:
         cls = self._layout.classes[node[1]].cls
         if not issubclass(cls, Enum):
-            raise ValueError(f"{cls.__name__} is no Enum")
+            raise ValueError(f"{cls.__name__} is not an Enum")
         return cls[node[2]]
 
     def _array(self, node: Sequence[Any], number: int) -> Array:

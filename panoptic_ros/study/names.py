@@ -32,6 +32,14 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
         "fusion.borders:Borders",
         "people cut by image borders: with and without the model of borders, and an oracle",
     ),
+    "calibration": (
+        "calibration.boards:Calibration",
+        "cameras from simulated recordings of a board: errors beside the Cramer-Rao bound, time",
+    ),
+    "calibration-sessions": (
+        "calibration.sessions:CalibrationSessions",
+        "cameras from recorded corners of a board, scored on corners that are left out",
+    ),
     "cameras": (
         "rigs.cameras:Cameras",
         "PCK by the number of cameras of a rig (Joo et al. 2017, Fig. 8)",

@@ -37,7 +37,7 @@ def numbers(low: int, high: int) -> Callable[[str], tuple[int, ...]]:
             found = ()
         if not found or not all(low <= value <= high for value in found):
             raise argparse.ArgumentTypeError(
-                f"{text!r} is no list of whole numbers from {low} to {high}, e.g. {low + 1},{low + 2}"
+                f"{text!r} is not a list of whole numbers from {low} to {high}, e.g. {low + 1},{low + 2}"
             )
         return found
 

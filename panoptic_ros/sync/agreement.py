@@ -94,11 +94,11 @@ class PendingLine(Generic[Frame]):
         return self.count >= SURE and self.since is not None and at - self.since >= SURE_NS
 
     def clear(self, following: Frame | None = None) -> tuple[list[Frame], list[Frame]]:
-        """Empty the line; return the frames that lead without a gap to `following`, and the other frames.
+        """Remove all pending frames; return those that form a gapless sequence, and the others.
 
         Args:
-            following: next frame of the camera, which has the accepted offset; None to keep up to the last
-                frame.
+            following: frame after the sequence, which has the accepted offset. None = the sequence ends with
+                the last pending frame.
         """
         frames, self.frames, self.count, self.since = self.frames, [], 0, None
         self.offsets.clear()

@@ -11,7 +11,7 @@ from panoptic_ros.domain import DetectionSet
 from panoptic_ros.stage import Notice
 
 SECOND = 1_000_000_000
-# ns, tolerance of a view's timestamp; views of one instant differ by less at any video rate
+# ns, tolerance of a view's timestamp; at any video rate, views of one instant differ by less
 LEAST_REACH_NS = SECOND
 REACH_PERIODS = 1  # periods of the sets, tolerance of a view's timestamp if this is more than LEAST_REACH_NS
 

@@ -106,7 +106,7 @@ class SyncStage(Stateful):
         self._interpolates = config.resampling == "interpolate"
         if config.master != "auto" and config.master not in self._rig.names:
             raise ConfigError(
-                f"sync.master = {config.master!r} is no camera of the rig; it has "
+                f"sync.master = {config.master!r} is not a camera of the rig; it has "
                 f"{', '.join(self._rig.names)}"
             )
         self.reset()

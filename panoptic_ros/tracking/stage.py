@@ -284,7 +284,7 @@ class TrackingStage(Stateful):
         return tuple(notices)
 
     def _new_id(self) -> int:
-        """Return an id that no person has had, and that is no subject's."""
+        """Return an id that no person has had, and that is not a subject's."""
         while self._next in self._subjects.ids:
             self._next += 1
         self._next += 1
@@ -335,7 +335,7 @@ class TrackingStage(Stateful):
     def _convinces(self, item: PoseSet, k: int) -> bool:
         """Return whether a skeleton has enough views and joints to be confirmed at once."""
         measured = np.isfinite(item.positions[k, :, 0])
-        agreed = measured & (item.views[k] >= 2)  # other joints were inferred from these
+        agreed = measured & (item.views[k] >= 2)  # other joints were inferred from these joints
         wanted = min(self._config.confirm_views, float(item.views.max()))
         enough = agreed.any() and item.views[k][agreed].mean() >= wanted
         return bool(enough and measured.mean() >= self._config.confirm_joints)

@@ -16,7 +16,7 @@ from panoptic_ros.io.colors import rgb_of
 
 WINDOW_S = 2.0  # s; window over which frame rates are counted
 REDRAW_S = 0.25  # s between redraws of the table in a terminal
-LINE_S = 2.0  # s between plain lines when the stream is no terminal
+LINE_S = 2.0  # s between plain lines when the stream is not a terminal
 
 
 class LiveTable:
@@ -24,7 +24,7 @@ class LiveTable:
 
     Each camera row has the frame rate and the number of detected people. Each person row has the id, the head
     position and the number of found joints. The last row has the latency and the number of dropped frames and
-    messages. If the stream is no terminal, the table prints one plain line every 2 s instead. Not
+    messages. If the stream is not a terminal, the table prints one plain line every 2 s instead. Not
     thread-safe: call it from one thread.
 
     Args:
@@ -143,7 +143,7 @@ class LiveTable:
         return f"{rates}; {self._summary()}; people {', '.join(map(str, people)) or 'none'}"
 
     def _colored(self, row: str) -> str:
-        """Return the row in the overlay colour of its person, or unchanged if it is no person row."""
+        """Return the row in the overlay colour of its person, or unchanged if it is not a person row."""
         if not row.startswith("id "):
             return row
         red, green, blue = (round(255 * value) for value in rgb_of(int(row.split()[1])))

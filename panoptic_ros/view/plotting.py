@@ -15,6 +15,7 @@ try:
     from matplotlib.axes import Axes
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.patches import Rectangle
     from matplotlib.ticker import MaxNLocator
     from mpl_toolkits.mplot3d import Axes3D
     from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
@@ -30,5 +31,6 @@ __all__ = [
     "Line3DCollection",
     "MaxNLocator",
     "Poly3DCollection",
+    "Rectangle",
     "colormaps",
 ]

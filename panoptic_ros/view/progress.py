@@ -34,7 +34,7 @@ class _Rate(ProgressColumn):
 class PassBar:
     """Progress bar with the finished share, the time left and the current step. `show` is a `stage.Progress`.
 
-    It redraws one line of sys.stderr in place, and prints nothing if sys.stderr is no terminal. It is a
+    It redraws one line of sys.stderr in place, and prints nothing if sys.stderr is not a terminal. It is a
     context manager; leaving it ends the line.
 
     Args:

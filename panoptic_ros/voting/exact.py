@@ -70,7 +70,7 @@ def highest(at: Array, votes: Array) -> Array:
     A maximum has no neighbour of its joint with more votes, or with equal votes and an earlier position. All
     indices start from 0.
     """
-    shape = at.max(axis=0, initial=0) + 3  # padding, so that voxels on opposite sides are no neighbours
+    shape = at.max(axis=0, initial=0) + 3  # padding, so that voxels on opposite sides are not neighbours
     keys = np.ravel_multi_index(tuple(at.T), shape)
     order = np.argsort(keys)
     keys, votes, left = keys[order], votes[order], np.arange(len(keys))

@@ -18,8 +18,8 @@ from panoptic_ros.voting.votes import COVERED, DEPTH, LANES, SIZE, U, W, X, Y, Z
 
 Array = np.ndarray
 CELLS = 2.0  # cells of a score map, within which a joint explains a peak
-REACH = 0.06  # m, the same distance in space, which counts where a person is large in the image
-WIDTHS = 1.5  # the same for keypoints, in standard deviations of their Gaussians
+REACH = 0.06  # m, limit as CELLS, in space; it is the larger one where a person is large in the image
+WIDTHS = 1.5  # limit as CELLS for keypoints, in standard deviations of their Gaussians
 
 
 class ImagePeaks(NamedTuple):

@@ -54,7 +54,7 @@ class VotingStage(Stateful):
         """Derive the volume and compile the kernels.
 
         Raises:
-            ConfigError: if the configured volume is no box.
+            ConfigError: if the configured volume is not a box.
         """
         self.config, self.rig, self.skeleton = config, context.rig, context.skeleton
         self._hash = context.skeleton.hash  # a property that is computed at each call

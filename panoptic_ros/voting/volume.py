@@ -31,11 +31,11 @@ class Volume(NamedTuple):
         """Return the voxels that touch the box of least x, y, z and largest x, y, z, m.
 
         Raises:
-            ConfigError: if `bounds` is no box.
+            ConfigError: if `bounds` is not a box.
         """
         if len(bounds) != 6 or not all(a < b for a, b in zip(bounds[:3], bounds[3:])):
             raise ConfigError(
-                f"volume = {list(bounds)} is no box; give least x, y, z and then largest x, y, z in metres"
+                f"volume = {list(bounds)} is not a box; give least x, y, z and then largest x, y, z in metres"
             )
         x0, y0, z0 = (int(np.floor(a / side + 1e-9)) for a in bounds[:3])
         x1, y1, z1 = (int(np.ceil(b / side - 1e-9)) for b in bounds[3:])

@@ -26,5 +26,5 @@ def test_stamps_move_by_offset_and_drift_and_none_falls_below_zero(tmp_path):
 
 
 def test_a_line_without_numbers_is_refused(tmp_path):
-    with pytest.raises(DataError, match="camera a: .* is no correction"):
+    with pytest.raises(DataError, match="camera a: .* is not a correction"):
         CorrectedSource(source(tmp_path), {"offset_ns": "soon"})

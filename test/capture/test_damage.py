@@ -148,7 +148,7 @@ def test_damaged_images_are_left_out_and_counted(tmp_path):
         cv2.imwrite(str(tmp_path / f"{k}.png"), np.full((48, 64, 3), k, np.uint8))
     (tmp_path / "0.png").write_bytes(b"nothing")
     (tmp_path / "2.png").write_bytes(b"")
-    with pytest.raises(DataError, match=r"0\.png is no image .*--skip-damaged"):
+    with pytest.raises(DataError, match=r"0\.png is not an image .*--skip-damaged"):
         ImageFolderSource("cam", tmp_path)
     source = ImageFolderSource("cam", tmp_path, frame_rate=10.0, skip_damaged=True)
     assert [(frame.frame_number, 10 * frame.stamp_ns // SECOND) for frame in source] == [(1, 1), (3, 3)]

@@ -1,4 +1,4 @@
-"""Maps of depth sensors that are no cameras."""
+"""Maps of depth sensors that are not cameras."""
 
 from __future__ import annotations
 

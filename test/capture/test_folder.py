@@ -64,7 +64,7 @@ def test_bad_images_are_named(tmp_path):
         ImageFolderSource("cam", tmp_path)
     _images(tmp_path / "a", 3)
     (tmp_path / "a" / "frame1.png").write_bytes(b"nothing")
-    with pytest.raises(DataError, match=r"frame1\.png is no image"):
+    with pytest.raises(DataError, match=r"frame1\.png is not an image"):
         list(ImageFolderSource("cam", tmp_path / "a"))
     cv2.imwrite(str(tmp_path / "a" / "frame1.png"), np.zeros((10, 20, 3), np.uint8))
     with pytest.raises(DataError, match=r"frame1\.png is 20x10, the first of its folder 64x48"):
@@ -78,6 +78,23 @@ def test_cameras_without_a_video(make_video, tmp_path):
     assert open_capture_folder(tmp_path, rig=_rig("cam1", "cam2"), cameras=["cam1"]).rig.names == ("cam1",)
     capture = open_files(_rig("cam1", "cam2"), {"cam1": tmp_path / "cam1.mp4"})
     assert capture.notices == ("camera cam2 of the rig has no images",)
+
+
+def test_an_assumed_frame_rate_is_told(make_video, make_rig_file, tmp_path):
+    """Images state no rate. Videos do, and timestamps or --frame-rate replace it."""
+    make_rig_file(tmp_path / "rig.json", {"a": SIZE, "b": SIZE})
+    _images(tmp_path / "a", 3)
+    make_video(tmp_path / "b.mp4", 3)
+    with open_capture_folder(tmp_path) as capture:
+        assert capture.sources[0].frame_rate == 30.0
+        (line,) = capture.notices
+        assert line.startswith("camera a: 30 Hz is assumed") and "--frame-rate" in line
+    with open_capture_folder(tmp_path, frame_rate=25.0) as capture:
+        assert capture.notices == ()
+    rows = [f"{camera},{i},{40_000_000 * i}" for camera in "ab" for i in range(3)]
+    (tmp_path / "timestamps.csv").write_text("camera,frame,stamp_ns\n" + "\n".join(rows) + "\n")
+    with open_capture_folder(tmp_path) as capture:
+        assert capture.notices == ()
 
 
 def test_videos_without_a_camera(make_video, tmp_path):

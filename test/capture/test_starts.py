@@ -188,7 +188,7 @@ def test_numbers_that_cannot_be_frames_are_not_used(tmp_path):
     images(tmp_path / "far" / "b", range(1000, 1005))
     with open_capture_folder(tmp_path / "far", rig=rig("a", "b")) as capture:
         assert {own[0] for own in stamps_of(capture).values()} == {0}
-    assert "never overlap" in capture.notices[0]
+    assert any("never overlap" in notice for notice in capture.notices)
     stamped = ImageFolderSource("a", tmp_path / "tenth", stamps=[1, 2, 3, 4])
     assert [frame.stamp_ns for frame in stamped] == [1, 2, 3, 4] and stamped.notices == ()
 

@@ -75,7 +75,7 @@ def test_no_drift_over_a_day():
 
 
 def _times(rate, container):
-    """Times that a file rounds to ms (or finer, where they are no whole ms)."""
+    """Times that a file rounds to ms (or finer, where they are not whole ms)."""
     timeline = _Timeline(Fraction(rate), False, Fraction(1, 1000))
     exact = [None if t is None else Fraction(t).limit_denominator(10**6) for t in container]
     return [float(timeline.step(i, t)) for i, t in enumerate(exact)], timeline.repaired

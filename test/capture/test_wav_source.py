@@ -77,7 +77,7 @@ def test_descriptions(file, tmp_path):
     with pytest.raises(UsageError, match="sound of mic: there is no source of kind 'tape'"):
         open_sound(described_sound("tape", "mic", []))
     (tmp_path / "no.wav").write_text("nothing")
-    with pytest.raises(DataError, match="no WAV file"):
+    with pytest.raises(DataError, match="not a WAV file"):
         open_sound(described_sound("wav", "mic", [], path=str(tmp_path / "no.wav")))
     with pytest.raises(DataError, match="absent"):
         open_sound(described_sound("wav", "mic", [], path=str(tmp_path / "absent.wav")))

@@ -13,9 +13,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import captures
+import cv2
 import numpy as np
 import pytest
 from free_cameras import START_NS, FreeCapture
+from hinged_people import HingedCapture, painted
 
 from panoptic_ros.cli.main import main
 from panoptic_ros.domain import DetectionSet, Rig
@@ -94,6 +96,19 @@ def test_folder_file_and_bag_give_the_same_bytes(
         (["FOLDER", "--lag", "0.1", "--rate", "5000"], "--rate 5000 with --lag is above 1000 Hz"),
         (["FOLDER", "--curves", "OUT"], "--out and --curves name the same file"),
         (["FOLDER", "--curves", "x", "--clocks-out", "./x"], "--clocks-out and --curves name the same"),
+        (["FOLDER", "--preset", "fast"], "'fast' (choose from 'elhayek-2012')"),
+        (["FOLDER", "--subject", "FOLDER/rig.json"], "--subject needs --preset elhayek-2012"),
+        (
+            ["FOLDER", "--preset", "elhayek-2012", "--subject", "FOLDER/rig.json"],
+            "is not a panoptic-subject-1",
+        ),
+        (["FOLDER", "--images", "FOLDER"], "--images needs --preset elhayek-2012"),
+        (["FOLDER", "--preset", "elhayek-2012", "--images", "FOLDER/none"], "FOLDER/none"),
+        (
+            ["FOLDER", "--preset", "elhayek-2012", "--images", "FOLDER", "--offsets", "FOLDER/rig.json"],
+            "--images does not go with --offsets",
+        ),
+        (["FOLDER", "--preset", "elhayek-2012", "--lag", "0.1"], "--lag does not go with --preset"),
     ],
 )
 def test_bad_options_are_one_line_and_exit_2(
@@ -106,6 +121,29 @@ def test_bad_options_are_one_line_and_exit_2(
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("panoptic continuous: ") and says.replace("FOLDER", str(folder)) in line
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_preset_follows_people_by_2d_joints_and_by_images_alone(tmp_path: Path) -> None:
+    capture = HingedCapture(cameras=5, seconds=1.3, there=lambda person, time: person == 0)
+    write(tmp_path / "c", capture.rig, capture.sets)
+    rows = ["camera,frame,stamp_ns"]
+    for frame in painted(capture):
+        (tmp_path / "c" / frame.camera).mkdir(exist_ok=True)
+        cv2.imwrite(str(tmp_path / "c" / frame.camera / f"{frame.frame_number:06d}.png"), frame.image)
+        rows.append(f"{frame.camera},{frame.frame_number},{frame.stamp_ns}")
+    (tmp_path / "c" / "timestamps.csv").write_text("\n".join(rows) + "\n")
+    words, errors = (tmp_path / "c", "--preset", "elhayek-2012"), []
+    for more in ((), ("--images", tmp_path / "c")):
+        assert run(tmp_path, *words, *more, "--rate", 50) == 0
+        found = read_skeletons(tmp_path / "s.json.gz").frames
+        gaps = [
+            one.positions[0] - capture.joints(1e-9 * (one.stamp_ns - START_NS))[0]
+            for one in found[15:-15]
+            if len(one.ids)
+        ]
+        assert len(gaps) == len(found) - 30
+        errors.append(np.linalg.norm(gaps, axis=-1).mean())
+    assert errors[0] < 0.006 and errors[1] < 0.03
 
 
 def test_images_go_through_the_detector_or_name_what_is_missing(

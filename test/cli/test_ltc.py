@@ -80,7 +80,7 @@ def test_a_file_without_timecode(tmp_path: Path, capsys: pytest.CaptureFixture[s
     ("arguments", "says"),
     [
         (["decode", "missing.wav"], "No such file"),
-        (["encode", "--start", "1:2:3:4", "x.wav"], "is no timecode; write HH:MM:SS:FF"),
+        (["encode", "--start", "1:2:3:4", "x.wav"], "is not a timecode; write HH:MM:SS:FF"),
         (["encode", "--start", "00:00:00:25", "x.wav"], "no such timecode"),
         (["encode", "--start", "00:01:00;00", "--rate", "29.97", "x.wav"], "no such timecode"),
         (["encode", "--start", "00:00:00;00", "--rate", "25", "x.wav"], "drop-frame timecode exists"),

@@ -12,7 +12,9 @@ import pytest
 from panoptic_ros.cli.main import main
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.geometry import Intrinsics, Rigid
+from panoptic_ros.io.resources import share_folder
 from panoptic_ros.io.rigs import read_rig, write_rig
+from panoptic_ros.running.plans.bag_plan import plan_bags
 
 TURN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # level, looking along +y
 BODY = {
@@ -78,6 +80,27 @@ def test_a_bad_rig_is_named_with_exit_code_2(
     assert json.loads(capsys.readouterr().out)["notices"][0]["code"] == "rig.pose_inverted"
 
 
+@pytest.mark.parametrize("results", [False, True])
+def test_views_are_checked_by_the_detections_of_a_bag(
+    tmp_path: Path, results: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The rig is the given one, not that of the bag: exchanged poses of two cameras are found."""
+    sample = share_folder() / "bags" / "sample"
+    (tmp_path / "bag").symlink_to(sample)
+    rig = plan_bags([sample]).rig
+    write_rig(tmp_path / "rig.json", rig)
+    command = ["rig", "check", str(tmp_path / "rig.json"), "--detections"]
+    command.append(str(tmp_path if results else sample))
+    assert main(command) == 0
+    assert "the views agree" in capsys.readouterr().out
+    first, second, *others = rig.cameras
+    poses = second.cam_from_world, first.cam_from_world
+    swapped = [replace(c, cam_from_world=pose) for c, pose in zip((first, second), poses)]
+    write_rig(tmp_path / "rig.json", replace(rig, cameras=(*swapped, *others)))
+    assert main(command) == 2
+    assert f"{first.name} and {second.name}" in capsys.readouterr().out
+
+
 def test_convert(tmp_path: Path, rig: Rig, capsys: pytest.CaptureFixture[str]) -> None:
     write_rig(tmp_path / "a.qca.txt", rig)
     places = [str(tmp_path / "a.qca.txt"), str(tmp_path / "b.toml")]
@@ -92,7 +115,7 @@ def test_convert(tmp_path: Path, rig: Rig, capsys: pytest.CaptureFixture[str]) -
         (["check", "missing.json"], "No such file"),
         (["convert", "rig.json", "x.bvh"], "cannot write a rig as '.bvh'"),
         (["convert", "rig.json", "x.json", "--unit", "mm"], "has no use for unit"),
-        (["convert", "rig.json", "x.json", "--panels", "one"], "no list of whole numbers"),
+        (["convert", "rig.json", "x.json", "--panels", "one"], "not a list of whole numbers"),
         (["convert", "rig.json", "x.json", "--cameras", "c9"], "no camera 'c9'"),
     ],
 )

@@ -1,5 +1,7 @@
 """Association view by view."""
 
+from dataclasses import replace
+
 import captures
 import numpy as np
 from free_cameras import FreeCapture
@@ -57,3 +59,29 @@ def test_a_person_who_left_is_not_followed_on_other_peoples_views():
     _, times, _, tracks = followed(capture)
     ends = sorted(times[track.entries[-1].frame] for track in tracks)
     assert len(tracks) == 2 and ends[0] < 2.0 and ends[1] > 3.9
+
+
+def test_a_person_begins_with_the_views_that_show_it_often():
+    capture = FreeCapture(there=lambda person, time: person == 0 or time > 2.0 or int(1e3 * time) % 9 == 0)
+    _, times, _, tracks = followed(capture)
+    begins = sorted(times[track.entries[0].frame] for track in tracks)
+    assert len(tracks) == 2 and begins[0] < 0.1 and 1.8 < begins[1] < 2.1
+
+
+def test_people_whom_a_detector_reports_twice_are_one_person():
+    rng = np.random.default_rng(2)
+    capture = FreeCapture()
+    for k, item in enumerate(capture.sets):
+        view = item.views[0]
+        if rng.random() < 0.4:
+            again = view.points[:1] + rng.normal(0.0, 4.0, view.points[:1].shape)
+            again[:, rng.random(19) < 0.4] = np.nan
+            known = np.isfinite(again[..., 0])
+            view = replace(
+                view,
+                points=np.concatenate([view.points, again]),
+                scores=np.concatenate([view.scores, 0.5 * known]),
+                person_scores=np.concatenate([view.person_scores, [0.5]]),
+            )
+        capture.sets[k] = replace(item, views=(view,))
+    assert len(followed(capture)[3]) == 2

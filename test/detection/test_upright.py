@@ -268,7 +268,7 @@ def test_another_up_direction_counts():
 
 
 def test_a_rig_whose_up_is_surely_another_is_left_alone_and_said():
-    """Images that are upright along y are not turned by a z that is no vertical."""
+    """Images that are upright along y are not turned by a z that is not a vertical."""
     rolls = rolls_of(in_world(ring(0.0, 0.0, 0.0, 0.0), Y_DOWN, (0.0, 0.0, 1.0)))
     assert not rolls.degrees and rolls.notice.severity == "warning"
     assert "along -y" in rolls.notice.text and "panoptic rig check" in rolls.notice.text

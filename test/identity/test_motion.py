@@ -113,7 +113,7 @@ def test_joints_are_firm_for_a_moment():
 
 
 def test_filled_joints_are_what_the_filter_comes_to():
-    """A joint that bones have placed is no measurement: its variance is not divided once more."""
+    """A joint that bones have placed is not a measurement: its variance is not divided once more."""
     motion = JointMotion.of_new(1, 2)
     exact = np.tile(1e-4 * np.eye(3), (2, 1, 1))
     update_joints(motion, 0, np.zeros((2, 3)), exact, np.full(2, 3), np.ones(2))

@@ -124,8 +124,8 @@ def test_a_file_needs_offsets_only(tmp_path):
 @pytest.mark.parametrize(
     ("content", "told"),
     [
-        ([], "no panoptic-clocks-1"),
-        ({"format": "other"}, "no panoptic-clocks-1"),
+        ([], "not a panoptic-clocks-1"),
+        ({"format": "other"}, "not a panoptic-clocks-1"),
         ({"format": "panoptic-clocks-1"}, "'cameras' is missing"),
         ({"format": "panoptic-clocks-1", "cameras": []}, "a table is expected"),
         ({"format": "panoptic-clocks-1", "cameras": {"a": 0.01}}, "a table is expected"),

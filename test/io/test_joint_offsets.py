@@ -32,7 +32,7 @@ def test_what_is_written_is_read_with_the_other_side(tmp_path):
         ("format: panoptic-biases-1\n", "needs format"),
         (HEAD, "no offsets"),
         (HEAD + "  right_hip: {frame: rThigh, offset: [0, 0, 0]}\n", "on the left"),
-        (HEAD + "  tail: {frame: hips, offset: [0, 0, 0]}\n", "tail is no joint"),
+        (HEAD + "  tail: {frame: hips, offset: [0, 0, 0]}\n", "tail is not a joint"),
         (HEAD + "  left_hip: [0, 0, 0]\n", "needs frame"),
         (HEAD + "  left_hip: {frame: lThigh, offset: [0, 0]}\n", "three numbers"),
         (HEAD + "  left_hip: {frame: lThigh, offset: [0, 0, .nan]}\n", "0.2 m"),

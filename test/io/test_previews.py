@@ -62,5 +62,5 @@ def test_a_message_holds_camera_stamp_and_picture():
 
 
 def test_what_is_no_picture_is_refused():
-    with pytest.raises(DataError, match="no JPEG"):
+    with pytest.raises(DataError, match="not a JPEG"):
         Preview("a", 1, b"\x89PNG")

@@ -54,7 +54,7 @@ def test_frames_that_a_device_counts_keep_their_numbers(tmp_path):
         ("cam_id,frame_time\n0,1e999999999\n", "out of range"),
         ("cam_id,frame_time\n,1\n", "line 2: cam_id is missing"),
         ("cam_id,frame_index,frame_time\n0,4,1\n0,4,2\n", "line 3: frame_index 4 of cam_id 0 a second time"),
-        ("\udcff", "no text in UTF-8"),
+        ("\udcff", "not text in UTF-8"),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path, text, says):

@@ -56,7 +56,7 @@ def test_what_is_no_table_is_told(tmp_path):
     for document, match in (
         ({}, "no sync table"),
         ({"hd": {"univ_time": ["a"]}}, "hd.univ_time"),
-        ([1], "no sync table"),
+        ([1], "not a sync table"),
         ({"hd": {"univ_time": [1.0], "index": [1, 2]}}, "2 indices"),
         ({"hd": 3}, "hd.univ_time"),
     ):

@@ -116,7 +116,7 @@ def test_differences_of_measurements_are_averaged_with_links_by_their_informatio
     moved, spreads = rng.normal(size=(2, 2, 3)), np.array([[spread(rng, 3, 1e-5)] * 2] * 2)
     moved[0, 1] = np.nan
     found = with_views(links, np.array([2, 0]), moved, spreads)
-    assert np.isnan(found.displacements[2, 0]).all()  # a difference alone is no link
+    assert np.isnan(found.displacements[2, 0]).all()  # a difference alone is not a link
     assert found.displacements[2, 1] == pytest.approx(links.displacements[2, 1])  # without a difference
     one, other = np.linalg.inv(links.spreads[0, 0]), np.linalg.inv(spreads[1, 0])
     mean = np.linalg.solve(one + other, one @ links.displacements[0, 0] + other @ moved[1, 0])

@@ -84,8 +84,11 @@ def test_a_result_is_compared_with_the_truth(tmp_path, capsys):
         (lambda d: (d / "metadata.xml").write_text("<a><w0>[1 2 3]</w0></a>"), "3 numbers, expected 300"),
         (lambda d: (d / "metadata.xml").write_text("<a><w0>[1 2"), "is not valid XML"),
         (lambda d: (d / "metadata.xml").unlink(), "has no metadata.xml"),
-        (lambda d: next(d.rglob("S9/**/*.cdf")).write_bytes(b"PK"), "is no CDF file"),
-        (lambda d: next(d.rglob("S9/**/*.cdf")).write_bytes(b"\xcd\xf3\x00\x01 no more"), "is no CDF file"),
+        (lambda d: next(d.rglob("S9/**/*.cdf")).write_bytes(b"PK"), "is not a CDF file"),
+        (
+            lambda d: next(d.rglob("S9/**/*.cdf")).write_bytes(b"\xcd\xf3\x00\x01 no more"),
+            "is not a CDF file",
+        ),
         (lambda d: write_cdf(next(d.rglob("S9/**/*.cdf")), "Pose", np.zeros((1, 6, 51))), "6 x 51, expected"),
         (lambda d: write_cdf(next(d.rglob("S9/**/*.cdf")), "Angles", np.zeros((1, 6, 96))), "with `Pose`"),
     ],

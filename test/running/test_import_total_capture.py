@@ -1,6 +1,6 @@
 """Total Capture: a simulated body is the same when written in the formats of the data set and imported.
 
-The data themselves are not at hand: this is no test on them.
+The data themselves are not at hand: this is not a test on them.
 """
 
 from dataclasses import replace
@@ -144,7 +144,7 @@ def test_accelerations_without_gravity_are_left_out_and_told(take, tmp_path, cap
     path.write_text("\n".join(text))
     words = ["--take", "S1/Acting1", "--out", str(tmp_path / "out")]
     assert main(["import", "total-capture", str(tmp_path / "data"), *words]) == 0
-    assert "no specific forces" in capsys.readouterr().out
+    assert "not specific forces" in capsys.readouterr().out
     assert all(np.isnan(s.forces).all() for s in read_imus(tmp_path / "out" / "imu.csv.gz").values())
 
 

@@ -114,10 +114,10 @@ def test_pelvis_and_neck_begin_where_the_proportions_of_the_skeleton_put_them():
 @pytest.mark.parametrize(
     "harm, told",
     [
-        (lambda data: b"", "no C3D file"),
-        (lambda data: b"<html>" + data[6:], "no C3D file"),
-        (lambda data: data[: len(data) // 3], "no intact C3D file"),
-        (lambda data: data[:600], "no intact C3D file"),
+        (lambda data: b"", "not a C3D file"),
+        (lambda data: b"<html>" + data[6:], "not a C3D file"),
+        (lambda data: data[: len(data) // 3], "not an intact C3D file"),
+        (lambda data: data[:600], "not an intact C3D file"),
     ],
 )
 def test_a_file_that_is_no_c3d_is_told_in_one_line(tmp_path, motion, capsys, harm, told):

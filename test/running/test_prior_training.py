@@ -41,7 +41,7 @@ CUT = ("", "HIERARCHY\nROOT a { OFFSET 0 0", BVH.replace("Frames: 2", "Frames: 3
 def test_a_bvh_that_is_not_whole_is_told(tmp_path, text, capsys):
     (tmp_path / "cut.bvh").write_text(text)
     assert main(["prior", "train", str(tmp_path / "cut.bvh"), "--out", str(tmp_path / "p.npz")]) == 2
-    assert "cut.bvh is no intact BVH file" in capsys.readouterr().err
+    assert "cut.bvh is not an intact BVH file" in capsys.readouterr().err
 
 
 def test_poses_are_found_again_from_joints():
@@ -68,7 +68,7 @@ def test_the_prior_that_is_shipped_is_made_by_the_command(tmp_path, capsys):
 
 def test_what_is_no_motion_is_told(tmp_path, capsys):
     (tmp_path / "k.json").write_text(json.dumps({"format": "other"}))
-    for name, told in (("k.json", "no panoptic-kinematics-1"), ("a.fbx", "motion is read from")):
+    for name, told in (("k.json", "not a panoptic-kinematics-1"), ("a.fbx", "motion is read from")):
         assert main(["prior", "train", str(tmp_path / name), "--out", str(tmp_path / "p.npz")]) == 2
         assert told in capsys.readouterr().err
 

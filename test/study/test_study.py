@@ -27,6 +27,7 @@ from panoptic_ros.study.timing import clocks
 SMALLEST = {  # options of the smallest case
     "ablation": "--scenes three-views-2p --seeds 3 --frames 4 --only lag",
     "alignment": "--scenes body-walk --seeds 1",
+    "calibration": "--cases 4x60 --seeds 0",
     "captures": "--scenes body-leaves --seeds 1",
     "clocks": "--minutes 0.2 --only midnight",
     "continuous": "--cases free --seeds 1 --seconds 2",
@@ -48,7 +49,16 @@ SMALLEST = {  # options of the smallest case
 ELSEWHERE = {  # run by other tests, or they need models, a graph, a capture or root
     "whole, beside the truth": {"identity", "kinematics-time", "stage1", "walkout"},
     "rig": {"cameras", "nodes", "time", "resolution"},
-    "a capture": {"detection", "fill", "live", "offsets-shifted", "refine", "refine-faults", "steady"},
+    "a capture": {
+        "calibration-sessions",
+        "detection",
+        "fill",
+        "live",
+        "offsets-shifted",
+        "refine",
+        "refine-faults",
+        "steady",
+    },
     "a model": {"borders", "child"},
     "a live graph": {"graph", "kinematics-live", "recording", "soak", "view", "view-recording"},
     "root": {"network"},

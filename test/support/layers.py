@@ -8,6 +8,7 @@ from pathlib import Path
 STAGES = (
     "detection",
     "timecode",
+    "calibration",
     "clocks",
     "sync",
     "offsets",

@@ -1,4 +1,4 @@
-"""MCAP files as programs other than ours write them: with parts left out, or with what is no ROS 2."""
+"""MCAP files as programs other than ours write them: with parts left out, or with what is not ROS 2."""
 
 from __future__ import annotations
 

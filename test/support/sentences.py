@@ -21,7 +21,7 @@ WORDS = (  # private or vague, where the field has a term
     "gives up|what is left|comes back|as it is|news|in place of|goes on|at most so|all that"
 )
 WORD = re.compile(rf"\b({WORDS})\b", re.IGNORECASE)
-NO_VERB = set(  # first words of function docstrings that are no imperative
+NO_VERB = set(  # first words of function docstrings that are not imperative
     "the a an what whether how of where which who whom whose when by in on all every one its their as and "
     "from for to if that those this these some no nothing both each".split()
 )

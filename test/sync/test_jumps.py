@@ -131,7 +131,7 @@ def test_a_gap_while_nothing_is_heard_is_trusted_after_two_seconds(bench):
 
 @pytest.mark.parametrize("step", [6.0, 86_400.0])
 def test_a_clock_that_jumps_while_nothing_is_heard_hurts_no_other_camera(bench, step):
-    """Its frames are held, and come all at once: that is no pause of all cameras."""
+    """Its frames are held, and come all at once: that is not a pause of all cameras."""
     step_ns = round(step * SECOND)
     items = [_model(c, 0, 11 * SECOND, 0) for c in "abc"]
     items += capture(bench, 8, lambda c, t: t + (step_ns if c == "b" and t > 12 * SECOND else 0))

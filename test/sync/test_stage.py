@@ -107,7 +107,7 @@ def test_bad_input_is_refused_without_a_trace(bench):
     with pytest.raises(DataError, match="00000000"):
         sync.step(bad)
     assert sync.flush().outputs == ()
-    with pytest.raises(ConfigError, match="'x' is no camera"):
+    with pytest.raises(ConfigError, match="'x' is not a camera"):
         bench.stage(master="x")
     with pytest.raises(ConfigError, match="delays_ms"):
         bench.stage(delays_ms=("a",))

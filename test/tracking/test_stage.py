@@ -316,7 +316,7 @@ def test_somebody_who_has_just_gone_takes_nobody_who_is_there():
 
 
 def test_one_who_stays_beats_two_who_would_have_jumped():
-    """One stays, the neighbour goes, and a child comes at the other side: two poor pairs are no better."""
+    """One stays, the neighbour goes, and a child comes at the other side: two poor pairs are not better."""
     there = [body(0.0), body(0.0, 0.4)]
     sets = [poses(i, there) for i in range(30)]
     sets += [poses(i, [body(0.0), body(0.0, -0.4, 0.8)]) for i in range(30, 60)]

@@ -171,7 +171,7 @@ def test_bad_sets_name_what_is_wrong(scenes):
     )
     with pytest.raises(DataError, match="7 joints"):
         stage.step(DetectionSet(0, 0, view.skeleton_hash, (short,)))
-    with pytest.raises(ConfigError, match="no box"):
+    with pytest.raises(ConfigError, match="not a box"):
         FedVoting(VotingConfig(volume=(0.0, 1.0)), StageContext(rig, scenes.skeleton))
 
 

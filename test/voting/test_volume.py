@@ -13,7 +13,7 @@ def test_voxels_and_their_centres():
     assert volume.contains(np.array([[0.11, 0.1, 0.02], [0.13, 0.1, 0.02]])).tolist() == [True, False]
     far = np.array([[-9.0, 1e3, 0.0], [1e9, 0.0, 0.0]])
     assert Volume.everywhere(0.04).contains(far).tolist() == [True, False]
-    with pytest.raises(ConfigError, match="no box"):
+    with pytest.raises(ConfigError, match="not a box"):
         Volume.between((0.0, 0.0, 0.0, 1.0, 1.0, 0.0), 0.04)
 
 

@@ -32,7 +32,7 @@ WAITING_BLOCKS = 100  # blocks in the queue; if it is full, new blocks are dropp
 SETTLE_S = 1.0
 SILENT_S = 5.0  # s without any block after which the device is treated as lost
 SECOND = 1_000_000_000
-KEPT_S = 5.0  # s, window in which some blocks arrive promptly; a clock drift of 1e-4 moves by 0.5 ms in it
+KEPT_S = 5.0  # s, window in which some blocks arrive promptly; a drift of 1e-4 is 0.5 ms in this time
 PROMPT = 0.05  # fraction of the blocks with the earliest times, which are discarded as wrong
 LOST_NS = SECOND  # ns; a larger delay against the sample count means lost samples or a suspended machine
 

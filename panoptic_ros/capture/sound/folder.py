@@ -123,7 +123,7 @@ def _entry(path: Path, name: str, said: Any) -> dict[str, Any]:
     counted = all(isinstance(number, int) and 0 <= number < 2**63 for number in own.values())
     if not plain or not counted:
         raise DataError(
-            f"{path}: {name}: {shown(said)} is no list of clocks, e.g. [A, B], and not of the form "
+            f"{path}: {name}: {shown(said)} is not a list of clocks, e.g. [A, B], and not of the form "
             "{clocks: [A, B], start_ns: 0}, or {clocks: [A], track: 1} of a video"
         )
     return {"clocks": ["" if clock is None else str(clock) for clock in clocks], **own}

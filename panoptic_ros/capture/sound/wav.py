@@ -26,7 +26,7 @@ class WavSource:
         from_sample: Index of the first sample to read.
 
     Raises:
-        DataError: if it is no WAV file, its channels differ from `clocks`, or the timestamps do not increase.
+        DataError: if it is not a WAV file, its channels differ from `clocks`, or timestamps do not increase.
     """
 
     def __init__(

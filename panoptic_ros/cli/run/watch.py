@@ -85,7 +85,7 @@ class TerminalObserver(RunObserver):
             self._bar.update(self._instants)
 
     def judged(self, notices: Sequence[Notice]) -> None:
-        """Print all notices that are no mere information."""
+        """Print all notices that are not mere information."""
         for notice in notices:
             if notice.severity != "info":
                 _warn(f"{notice.severity}: {notice.text}")

@@ -33,8 +33,8 @@ class OnnxNetwork:
         threads: Threads inside one operator. On a busy machine, several are slower than one.
 
     Raises:
-        BackendError: if the bytes are no ONNX file, a provider is not available, or a tensor differs from the
-            card.
+        BackendError: if the bytes are not an ONNX file, a provider is not available, or a tensor differs
+            from the card.
     """
 
     def __init__(self, card: ModelCard, onnx_bytes: bytes, providers: Sequence[str] = (), threads: int = 1):
@@ -89,7 +89,7 @@ def _open(card: ModelCard, data: bytes, providers: list[str], threads: int) -> o
         return onnxruntime.InferenceSession(data, options, providers=providers)
     except _RUNTIME_ERRORS as error:
         raise BackendError(
-            f"model {card.name} is no ONNX file that can be run: {_first_line(error)}"
+            f"model {card.name} is not an ONNX file that can be run: {_first_line(error)}"
         ) from None
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from panoptic_ros.kernels import njit
 
 _jit = njit(cache=True, error_model="numpy")
-REACH = 2  # cells on each side of a peak that are not higher: 5 x 5
+REACH = 2  # cells: a peak is the maximum of the 5 x 5 cells around it
 COUNTED = 0.127  # joints with higher scores count in the person score
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 Array = np.ndarray
 BLUR = 11  # cells, side of the Gaussian kernel that DARK blurs with
-FLOOR = 1e-3  # values below are noise; the floor keeps the logarithm finite
+FLOOR = 1e-3  # lower values are noise; this floor keeps the logarithm finite
 
 
 def decode_heatmap(heat: Array, refine: str) -> tuple[Array, Array]:

@@ -99,7 +99,7 @@ def read_joints(path: Path) -> Array:
         DataError: naming the file and the fault.
     """
     if read_bytes(path, largest_document())[:2] not in MAGIC:
-        raise DataError(f"{path} is no CDF file")
+        raise DataError(f"{path} is not a CDF file")
     try:
         package: Any = importlib.import_module("cdflib")
     except ImportError:
@@ -108,7 +108,7 @@ def read_joints(path: Path) -> Array:
         values = np.asarray(package.CDF(str(path)).varget("Pose"), float)
     # cdflib trusts a file's lengths and offsets, so damage can raise any exception
     except Exception as error:
-        raise DataError(f"{path} is no CDF file with `Pose`: {one_line(error)}") from None
+        raise DataError(f"{path} is not a CDF file with `Pose`: {one_line(error)}") from None
     if values.ndim == 3 and len(values) == 1:
         values = values[0]
     if values.ndim != 2 or values.shape[1] != 3 * JOINTS or not len(values):

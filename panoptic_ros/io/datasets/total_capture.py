@@ -101,8 +101,8 @@ def read_subject(bone: Path, truth: list[BodyState], axes: Array, model: Segment
     """Read the subject: true segment lengths, and the IMUs with mounting rotations at default positions.
 
     Args:
-        bone: `*_calib_imu_bone.txt`, rotation bone from sensor.
-        axes: rotation (3, 3) to our bone axes from theirs.
+        bone: `*_calib_imu_bone.txt` with rotations from sensor axes to bone axes of the data set.
+        axes: rotation (3, 3) from bone axes of the data set to ours.
 
     Raises:
         DataError: if the file has no sensor that is worn.
@@ -130,7 +130,7 @@ def read_imus(sensors: Path, reference: Path, notices: list[str]) -> dict[str, I
 
     Args:
         reference: `*_calib_imu_ref.txt`, rotation world from the inertial frame of each sensor.
-        notices: receives a line if accelerations are no specific forces. They are then left out.
+        notices: receives a line if accelerations are not specific forces. They are then left out.
 
     Raises:
         DataError: naming the file and the fault.
@@ -155,7 +155,7 @@ def read_imus(sensors: Path, reference: Path, notices: list[str]) -> dict[str, I
         raise DataError(f"{sensors} has none of the sensors {', '.join(WORN)}")
     if odd:
         notices.append(
-            f"{sensors}: accelerations of {', '.join(odd)} are no specific forces of {GRAVITY[2]:g} m/s^2 "
+            f"{sensors}: accelerations of {', '.join(odd)} are not specific forces of {GRAVITY[2]:g} m/s^2 "
             "upwards on average; they are left out"
         )
     return devices
@@ -325,7 +325,7 @@ def read_calibration(path: Path) -> dict[str, Array]:
         name, *words = line.split() or [""]
         x, y, z, w = _numbers(path, k + 2, " ".join(words), 4, f"x y z w of {shown(name)}")
         if not 0.5 < w * w + x * x + y * y + z * z < 2.0:
-            raise DataError(f"{path}, line {k + 2}: {shown(line.strip()[:60])} is no rotation")
+            raise DataError(f"{path}, line {k + 2}: {shown(line.strip()[:60])} is not a rotation")
         found[name] = np.array([w, x, y, z])
     return found
 

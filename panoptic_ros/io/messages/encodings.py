@@ -136,7 +136,7 @@ def encoding_of(name: str, what: str) -> Encoding:
         what: subject of error messages.
 
     Raises:
-        DataError: if it is no supported encoding of colour or grey images.
+        DataError: if it is not a supported encoding of colour or grey images.
     """
     plain = "".join(name.split()).lower()
     if plain in _YUV:

@@ -95,7 +95,7 @@ def decode_cdr(data: bytes, kind: str, types: Typestore | None = None) -> Any:
         types: type store to use instead of the current one.
 
     Raises:
-        DataError: if the type is unknown, or the bytes are no message of it.
+        DataError: if the type is unknown, or the bytes are not a message of it.
     """
     store = types or bag_typestore()
     if kind not in store.types:

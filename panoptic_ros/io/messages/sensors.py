@@ -65,7 +65,7 @@ def read_appearance(message: Any) -> ViewAppearance:
     names = tuple(str(field.name) for field in message.fields)
     data, count = byte_array(message), int(message.width)
     if names != NAMES or message.is_bigendian or data.size != count * POINT.itemsize or not count:
-        raise DataError(f"{count} points with {', '.join(names)} are no colours of clothes")
+        raise DataError(f"{count} points with {', '.join(names)} are not colours of clothes")
     points = np.frombuffer(data.tobytes(), POINT)
     colours = np.stack([points[name] for name in COLOURS], axis=1)
     number = points[NUMBER][0]

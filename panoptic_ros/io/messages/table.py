@@ -40,18 +40,18 @@ class Field:
     """One field of a message.
 
     Args:
-        name: Name in the message. "a b" are two fields for a pair in the record.
+        name: Name in the message. "a b" names two fields that hold a pair of the record.
         kind: Type of its values: int, float, bool, str, a numpy type of an array, `TIME`, `COUNT`, or the
             `Table` of a nested message.
-        shape: Letters and numbers of an array; a single letter for lists of names or messages; the letter of
-            a `COUNT`; None = a scalar. If no earlier field sets a letter, its size follows from the array
-            length.
-        of: Attribute of the record, "" = `name`; "part.attribute" for a value in a part of the record. A
-            function computes the value to write. The field is then only read if it is optional, or for
-            `Table.complete`.
-        own: Array type in the record, for records that do not convert their arrays.
-        optional: None in the record is empty in the message. A name is that of the message field whose truth
-            value or length states whether this one is present.
+        shape: Dimensions of an array, as letters and numbers, such as "J 3". A list of names or messages
+            and a `COUNT` have one letter. None = a scalar. Equal letters mean equal sizes. The first field
+            with a letter sets its size.
+        of: Attribute of the record that holds the value, such as "part.attribute"; "" = `name`. If it is a
+            function, the function computes the value to write. Such a field is read only if it is optional,
+            or for `Table.complete`.
+        own: Type to which the array is converted when a message is read; None = the record converts it.
+        optional: True = None in the record is an empty value in the message. If it is the name of another
+            message field, that field is false, 0 or empty where this value is None.
     """
 
     name: str

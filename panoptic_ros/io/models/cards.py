@@ -98,7 +98,7 @@ def read_card(name_or_path: str, beside: Path | None = None) -> CardFile:
         path = beside / path
     document = read_yaml(path)
     if not isinstance(document, dict):
-        raise ConfigError(f"{path} is no model card")
+        raise ConfigError(f"{path} is not a model card")
     try:
         with parsing("the card", ConfigError):
             return _card_file(document, path, named)

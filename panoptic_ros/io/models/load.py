@@ -19,7 +19,7 @@ def load_detector(name_or_path: str = DEFAULT_MODEL) -> DetectorModel:
 
     Raises:
         UsageError, ConfigError: if the card does not exist, or is invalid.
-        BackendError: if the model's file is missing, has another SHA-256, is no ONNX file, or has other
+        BackendError: if the model's file is missing, has another SHA-256, is not an ONNX file, or has other
             tensors than the card.
     """
     source = read_card(name_or_path)
@@ -37,7 +37,7 @@ def load_detector(name_or_path: str = DEFAULT_MODEL) -> DetectorModel:
 
 def _load(source: CardFile, finder: DetectorModel | None) -> DetectorModel:
     data = _model_bytes(source)
-    OnnxNetwork(source.card, data)  # refuses files that are no ONNX or have other tensors
+    OnnxNetwork(source.card, data)  # refuses files that are not ONNX or have other tensors
     return DetectorModel(source.card, data, finder)
 
 

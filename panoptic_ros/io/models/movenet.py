@@ -39,7 +39,7 @@ def find_heads(graph: GraphModel) -> dict[str, str]:
     """Return the operation of each raw head: the one linear convolution in its scope.
 
     Raises:
-        DataError: if the graph is no MoveNet.
+        DataError: if the graph is not a MoveNet.
     """
     heads = {}
     for head, scope in HEAD_SCOPES.items():
@@ -54,7 +54,7 @@ def find_heads(graph: GraphModel) -> dict[str, str]:
             heads[head] = found[0]
     missing = {"center", "heat", "regress", "offset"} - set(heads)
     if missing or NORMALISED not in graph.operations:
-        raise DataError(f"the graph is no MoveNet: it lacks {', '.join(sorted(missing)) or NORMALISED}")
+        raise DataError(f"the graph is not a MoveNet: it lacks {', '.join(sorted(missing)) or NORMALISED}")
     return heads
 
 
@@ -62,7 +62,7 @@ def convert(graph: GraphModel) -> bytes:
     """Return the ONNX file; the same graph and onnx version give the same bytes.
 
     Raises:
-        DataError: if the graph is no MoveNet, or holds an unsupported operation.
+        DataError: if the graph is not a MoveNet, or holds an unsupported operation.
     """
     import onnx  # only needed for the conversion
 

@@ -43,7 +43,7 @@ def parse_graph(topology: bytes, weights: bytes) -> GraphModel:
     """Parse the graph from model.json and the bytes of its weights.
 
     Raises:
-        DataError: if the two do not match, or are no such model.
+        DataError: if the two do not match, or are not such a model.
     """
     with parsing("no TensorFlow.js graph model"):
         document = parse_json(topology, "no TensorFlow.js graph model: model.json")

@@ -8,8 +8,8 @@ distortion_coefficients. ROS has no file format for the poses, so this package d
     poses:
       cam01: {translation: [x, y, z], rotation: [x, y, z, w]}
 
-Each entry is the pose of the camera's optical frame (x right, y down, z forward) in `frame_id`, in metres and
-as a quaternion. `tf2_echo world cam01_optical_frame` prints the same.
+Each entry is the pose of the camera's optical frame (x right, y down, z forward) in `frame_id` (optional), in
+metres and as a quaternion. `tf2_echo world cam01_optical_frame` prints the same.
 """
 
 from __future__ import annotations
@@ -61,15 +61,15 @@ def parse(folder: Path, options: ReadOptions) -> Rig:
     """Read a rig from the folder, cameras in the order of poses.yaml; cameras without a pose are left out.
 
     Raises:
-        DataError: if a file cannot be read or is no YAML.
+        DataError: if a file cannot be read or is not YAML.
         CalibrationError: naming the file and the key.
     """
     document = read_yaml(folder / POSES)
     tell_unknown(document, POSES_KEYS, folder / POSES)
-    frame_id = name_of(document, "frame_id", POSES)
     poses = entry(document, "poses", POSES)
+    frame_id = name_of(document, "frame_id", POSES) if "frame_id" in document else "world"
     if not isinstance(poses, dict) or not poses:
-        raise CalibrationError(f"{POSES}: 'poses' is no table of cameras, or an empty one")
+        raise CalibrationError(f"{POSES}: 'poses' is not a table of cameras, or an empty one")
     taken = ReadCameras(options)
     for name, pose in poses.items():
         taken.take(str(name), partial(_camera, folder, str(name), pose, taken))

@@ -11,7 +11,7 @@ from panoptic_ros.errors import CalibrationError, DataError
 from panoptic_ros.io.documents import LARGEST_TABLES, decoded, parse_json, parse_toml, parse_xml
 from panoptic_ros.io.loading import read_unpacked
 
-FILE = "the file"  # in messages; the caller adds the name
+FILE = "the file"  # placeholder in messages; the caller inserts the file name
 TABLE = re.compile(r"^\s*\[[\w. \"'-]+\]\s*(#.*)?$", re.MULTILINE)  # header line of a TOML table
 
 
@@ -28,7 +28,7 @@ class Document:
 
 
 def load_document(path: Path) -> Document | None:
-    """Read the content of a file; None if it is no text, or empty.
+    """Read the content of a file; None if it is not text, or empty.
 
     Raises:
         DataError: if it cannot be read.

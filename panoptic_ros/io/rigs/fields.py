@@ -33,7 +33,7 @@ def entry(mapping: Any, key: str, where: str) -> Any:
     """Return the value of a required key.
 
     Raises:
-        CalibrationError: if the key is missing, or `mapping` is no mapping.
+        CalibrationError: if the key is missing, or `mapping` is not a mapping.
     """
     if not isinstance(mapping, Mapping):
         raise CalibrationError(f"{where} is a {type(mapping).__name__}, expected a table with {shown(key)}")
@@ -52,7 +52,7 @@ def numbers(mapping: Any, key: str, where: str, *shapes: tuple[int, ...]) -> Arr
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise CalibrationError(f"{where}: {shown(key)} is no array of numbers") from None
+        raise CalibrationError(f"{where}: {shown(key)} is not an array of numbers") from None
     if not any(_fits(array, shape) for shape in shapes):
         wanted = " x ".join("n" if size < 0 else str(size) for size in shapes[0])
         found = " x ".join(str(size) for size in array.shape) or "a single number"
@@ -101,7 +101,7 @@ def up_of(mapping: Mapping[str, Any], where: str, default: Direction | None) -> 
     """Return the direction of the optional key "up"; null = unknown.
 
     Raises:
-        CalibrationError: if it is no direction.
+        CalibrationError: if it is not a direction.
     """
     if "up" not in mapping:
         return default
@@ -184,7 +184,7 @@ def listing(mapping: Any, key: str, where: str) -> list[Any]:
     """
     value = entry(mapping, key, where)
     if not isinstance(value, list) or not value:
-        raise CalibrationError(f"{where}: {shown(key)} is no list of cameras, or an empty one")
+        raise CalibrationError(f"{where}: {shown(key)} is not a list of cameras, or an empty one")
     return value
 
 

@@ -303,7 +303,7 @@ def find_rig(folder: Path) -> Path:
         UsageError: if there are several and none is called rig.json.
     """
     if not folder.is_dir():
-        raise DataError(f"{folder} is no folder")
+        raise DataError(f"{folder} is not a folder")
     if (folder / "rig.json").is_file():
         return folder / "rig.json"
     inside = sorted(path for path in folder.iterdir() if path.is_dir())

@@ -78,7 +78,7 @@ def parse_caliscope(document: Mapping[str, Any], options: ReadOptions) -> Rig:
     taken, turns = ReadCameras(options), {}
     for number, item in document["cameras"].items():
         if not isinstance(item, dict):
-            raise CalibrationError(f"[cameras.{number}] is no table")
+            raise CalibrationError(f"[cameras.{number}] is not a table")
         usual = f"port_{number}" if "port" in item else f"cam_{number}"
         name = str(item.get("name", usual))
         turns[name] = _clockwise(item, f"[cameras.{number}]")

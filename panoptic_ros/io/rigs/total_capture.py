@@ -19,7 +19,8 @@ from panoptic_ros.io.rigs.fields import camera
 from panoptic_ros.io.rigs.options import ReadCameras, ReadOptions
 
 Array = np.ndarray
-Z_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # our world (z up) from theirs (y up)
+# from the world of the data set (y up) to ours (z up)
+Z_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 LINES = (
     (4, "rows and columns"),
     (4, "fx fy cx cy"),

@@ -77,7 +77,7 @@ def repair(source: Path, target: Path) -> RepairResult:
             with file_errors(path, "read"):
                 for connection, stamp_ns, packed in _messages(path, losses, bag.folder):
                     if (data := _plain(packed)) is None:
-                        losses.count(path.name, f"messages on {connection.topic}, which are no CDR")
+                        losses.count(path.name, f"messages on {connection.topic}, which are not CDR")
                         continue
                     bag.write_described(connection, stamp_ns, data)
                     counts[connection.topic] += 1
@@ -102,7 +102,7 @@ def _messages(path: Path, losses: Losses, scratch: Path) -> Iterator[SalvagedMes
 
 
 def _plain(data: bytes) -> bytes | None:
-    """Return a message without message-level compression; None if it is no CDR."""
+    """Return a message without message-level compression; None if it is not in CDR."""
     try:
         plain = unpacked_message(data)
     except ValueError:
@@ -350,7 +350,7 @@ class _Contents:
                 yield message
 
     def _of(self, kind: int, content: bytes) -> SalvagedMessage | None:
-        """Return the message of a record; None if it is no message that can be written."""
+        """Return the message of a record; None if it is not a message that can be written."""
         if kind != MESSAGE:
             self._topics.take(kind, content)
             return None

@@ -43,7 +43,7 @@ def chunk_of(content: bytes) -> Chunk:
     """Return the chunk of a record; for a cut record, the part that exists.
 
     Raises:
-        ValueError, struct.error: if it is no chunk, or its compression is not supported.
+        ValueError, struct.error: if it is not a chunk, or its compression is not supported.
     """
     compression, at = string_in(content, _CHUNK_HEAD.size)
     if compression.decode() not in DECOMPRESSORS:

@@ -12,7 +12,7 @@ from panoptic_ros.io.bag_connections import Connection
 
 Row = tuple[int, int, bytes]  # recording time (ns), topic number in the file, bytes of the message
 SUFFIXES = (".mcap", ".db3")
-PACKED = (".zstd", ".zst")  # suffixes of compressed files, after these
+PACKED = (".zstd", ".zst")  # suffixes of compressed files, which follow `SUFFIXES`
 NEVER_NS = 2**63 - 1  # later than every timestamp
 
 

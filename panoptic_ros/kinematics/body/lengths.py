@@ -202,7 +202,7 @@ def _point_slopes(chain: Chain, pose: Pose, points: PointTargets, grown: Array) 
 
 
 def _anchors(targets: ViewTargets | PointTargets) -> Array:
-    """Return the segments (N,) whose proximal joints carry the sites when lengths change."""
+    """Return the segments (N,) with which the sites move if lengths change."""
     return targets.anchors if len(targets.anchors) else targets.segments
 
 

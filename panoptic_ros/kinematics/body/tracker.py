@@ -1,7 +1,7 @@
 """Solver for one designated person, one instant at a time.
 
-`RecentInstants` holds the instants that were solved recently, and finds those that are at least the lag ago.
-A late stage leaves out instants, so their spacing varies. `acceleration_goals` is the acceleration term of
+`RecentInstants` holds the instants that were solved recently, and finds those that are older than the lag. A
+late stage leaves out instants, so their spacing varies. `acceleration_goals` is the acceleration term of
 Malleson et al. 2020, eq. 13. It returns the positions of sites that the accelerations of their IMUs imply.
 """
 
@@ -37,7 +37,7 @@ Array = np.ndarray
 KEPT_INSTANTS = 64
 # s between observations of lengths; number of observations before the first change
 LENGTH_LOOK_S, LENGTH_LOOKS = 0.2, 10
-KEPT = 2  # instants for which the information from after a pose is reused: about 0.05 s
+KEPT = 2  # instants, about 0.05 s, for which backward information is reused before it is computed again
 SAME_LENGTHS = 0.002  # m, change of lengths below which learning ends
 
 
@@ -84,7 +84,7 @@ class RecentInstants:
         return found
 
     def left(self, lag: int) -> list[int]:
-        """Return the pending instants less than the lag ago, the oldest first.
+        """Return the pending instants that are newer than the lag, the oldest first.
 
         They are given as numbers of instants back.
         """
@@ -252,7 +252,7 @@ class SubjectTracker:
             stride: Number of periods since the previous instant.
 
         Returns:
-            Final bodies: Those of the instants at least the lag ago that were not returned yet.
+            Final bodies: Those of the instants that are older than the lag and were not returned yet.
         """
         period = stride / self._config.rate_hz
         which, goals = self.devices.orientations(measured)

@@ -198,7 +198,7 @@ def align(
     best, turned = map(int, np.unravel_index(int(np.argmin(surface)), surface.shape))
     likelihood = surface.min(axis=1)
     offset, _ = _vertex(OFFSETS_S, likelihood, best)
-    # only the width is taken from here: of several minima, the lowest gives the offset
+    # `_valley` gives only the standard deviation. The lowest minimum gives the offset
     _, unsure = _valley(OFFSETS_S, likelihood)
     heading, heading_unsure = 0.0, 0.0
     if not subject.heading_known:

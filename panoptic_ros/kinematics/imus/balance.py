@@ -42,7 +42,7 @@ SWAY_SD = 0.05
 SWAY_S = 1.0  # correlation time of this sway, s
 CATCHING = 0.5  # fraction of speed / pendulum frequency by which the centre of mass leaves the feet in a step
 GRAVITY = 9.81
-UPRIGHT = 0.8  # fraction of the leg length: with the hips lower, a person sits, kneels or squats
+UPRIGHT = 0.8  # fraction of the leg length: if the hips are lower, a person sits, kneels or squats
 # m, maximum offset from the feet: beyond it, a person leans on something or does not stand on the feet
 FARTHEST = 0.25
 

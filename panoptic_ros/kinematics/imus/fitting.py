@@ -65,7 +65,7 @@ class ImuFitting:
         return found
 
     def take(self, stamp_ns: int, subject: Subject, measured: ImuMeasurements) -> list[Notice]:
-        """Add what the person's devices measured at an instant, and return notices."""
+        """Add the measurements of the person's devices at an instant, and return notices."""
         if self._settled is not None:
             return []
         pose = subject.t_pose

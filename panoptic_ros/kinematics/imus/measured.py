@@ -65,7 +65,7 @@ def resample(series: ImuSeries, stamps: Array) -> ImuMeasurements:
 def measured_by(
     devices: Sequence[Device], felt: Mapping[str, ImuMeasurements], count: int
 ) -> list[ImuMeasurements]:
-    """Return what these devices measured at each of `count` instants.
+    """Return the measurements of these devices at each of `count` instants.
 
     Args:
         felt: Measurements by device name, see `resample`.

@@ -42,7 +42,7 @@ RECENT = 12  # number of newest observations that are compared with the older on
 # minimum change of a slipped mounting, in its standard deviations; minimum number of consecutive looks at it
 SLIPPED_SDS, SLIPPED_LOOKS = 3.3, 6
 FEWEST_BEFORE = 8  # minimum number of older observations for the comparison of recent with older ones
-UNKNOWN = 1e-9  # 1/rad^2, information about what no data determine
+UNKNOWN = 1e-9  # 1/rad^2, information about components that no data determine
 MISTAKEN_SPREADS = 2.2  # minimum error of a mistaken mounting, in the standard deviations of its estimate
 TOLD = math.radians(20.0)  # rad, minimum mounting error that is reported as a mistake
 HEADING_TRUST = 2.0  # weight of the stated heading standard deviation, in measurements
@@ -232,9 +232,10 @@ class MountingEstimate:
         return state, covariance
 
     def _far(self, state: Array, covariance: Array) -> Array:
-        """Return which mountings (N,) are mistakes.
+        """Return a mask (N,) of the devices with a wrong mounting.
 
-        Their errors are larger than is usual for one person, and larger than cameras can mistake.
+        The error of a wrong mounting exceeds both the usual errors of this person's devices and the
+        uncertainty of the estimate from the cameras.
         """
         off = np.linalg.norm(self._seen_part(state[1:].reshape(-1, 3)), axis=-1)
         blocks, axes = _own_blocks(covariance), self._unseen

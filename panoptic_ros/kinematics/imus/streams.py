@@ -116,7 +116,7 @@ class DeviceAssignment:
     def measured(
         self, streams: ImuStreams, stamp_ns: int, offsets: Mapping[int, int]
     ) -> dict[int, ImuMeasurements]:
-        """Return what each person's devices measured at an instant, by id of the person.
+        """Return the measurements of each person's devices at an instant, by id of the person.
 
         Devices are in the order of the subject.
 
@@ -222,7 +222,7 @@ class ImuStreams:
         return stamp_ns + count * int(self._period[d]), told
 
     def at(self, stamp_ns: int) -> ImuMeasurements:
-        """Return what all devices measured at an instant.
+        """Return the measurements of all devices at an instant.
 
         Orientations (slerp) and forces (linear) are interpolated between the samples before and after it.
         """

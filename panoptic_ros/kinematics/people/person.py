@@ -98,7 +98,7 @@ class PersonState:
         statistics: PoseStatistics,
         stride: int = 1,
     ) -> tuple[list[BodyState], list[Notice]]:
-        """Solve an instant. Return final bodies, of the instant that is the lag ago, and notices.
+        """Solve an instant. Return final bodies, of the instant before the lag, and notices.
 
         Args:
             measured: Measurements of the person's devices.
@@ -132,7 +132,7 @@ class PersonState:
         return done, notices
 
     def feel(self, stamp_ns: int, measured: ImuMeasurements) -> list[Notice]:
-        """Add what the person's devices measured at an instant, and return notices."""
+        """Add the measurements of the person's devices at an instant, and return notices."""
         return self.fitting.take(stamp_ns, self.subject, measured)
 
     @property

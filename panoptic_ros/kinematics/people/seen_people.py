@@ -14,7 +14,7 @@ from panoptic_ros.kinematics.body.sight import People
 
 Array = np.ndarray
 KEPT_NS = 250_000_000  # ns, time before a camera's newest sample for which older samples are kept
-NEAR_NS = 1_000  # ns within which a sample is used unchanged: frame periods are no whole numbers of ns
+NEAR_NS = 1_000  # ns within which a sample is used unchanged: frame periods are not whole numbers of ns
 LONGEST_GAP_NS = 150_000_000  # ns, longest interval over which joints are interpolated
 SEVERAL = 2  # minimum number of agreeing views that measured a joint whose 3D position is used
 

@@ -43,7 +43,7 @@ Array = np.ndarray
 LONGEST_STEP = 0.5  # rad or m, largest increment between two instants in a constant-velocity prediction
 NEW = 0.5  # fraction of an error common to the instants within `error_time` that is treated as independent
 OPEN = 1e-3  # 1/m^2 or 1/rad^2, assumed information about what the evidence of an instant leaves unobserved
-LEAST = 1e-6  # fraction of OPEN, information about degrees of freedom that no data determine: nearly none
+LEAST = 1e-6  # fraction of OPEN, information about degrees of freedom that no data determine
 
 
 class WindowEntry(NamedTuple):

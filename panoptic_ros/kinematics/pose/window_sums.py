@@ -51,7 +51,7 @@ def add_second_differences(
     and a linearisation that is kept while the pose moves would distort the body.
 
     The newest pose is a prediction at constant velocity. When a body stops or starts, the residuals of all
-    sites share the error of that prediction, and this is no outlier. With enough sites, the robust loss
+    sites share the error of that prediction, and this is not an outlier. With enough sites, the robust loss
     therefore acts on the difference of each residual from their mean.
 
     Args:
@@ -158,9 +158,9 @@ def first_differences(
 def add_motion(
     information: Array, second: tuple[Array, Array, float], first: tuple[Array, Array], rest: Array
 ) -> None:
-    """Complete the information of the last pose, the new pose and the constant 1 after an elimination.
+    """Compute the information about the last and the new pose, after elimination of the pose before them.
 
-    The pose before the last has been eliminated.
+    Its last row and column are the linear term.
 
     Args:
         information: (2 D, 2 D), of the pose before the last and the last pose.
@@ -288,9 +288,9 @@ def join(
 
     Args:
         rest: (2 D + 1, 2 D + 1), information before the evidence of the new instant.
-        told: Matrices (D, D), half of the second derivatives with the anchor, and of the anchor alone.
-        pulls: Sensitivities to persistent errors: the part that elimination subtracts (2 D, D), those before
-            it (2 D, D), and that of the new pose (D, D).
+        told: Half of the second derivatives (D, D) of the cost with its anchor, and of the anchor alone.
+        pulls: Sensitivities to persistent errors: the part that elimination subtracts (2 D, D), the value
+            before elimination (2 D, D), and the value of the new pose (D, D).
         joint, pulled: (2 D, 2 D) and (2 D, D) outputs.
     """
     hessian, anchor = told

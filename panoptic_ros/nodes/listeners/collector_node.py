@@ -139,7 +139,7 @@ class CollectorNode(Node):
             values = values_of(status)
             odd = [key for key, value in values.items() if not _is_usable(key, value)]
             if odd:
-                why = f"{status.name}: {odd[0]} = {values[odd[0]][:40]!r} is no number"
+                why = f"{status.name}: {odd[0]} = {values[odd[0]][:40]!r} is not a number"
                 self._refuse("/diagnostics", why)
                 continue
             self.diagnostics[name] = values

@@ -60,7 +60,7 @@ class AudioDataReader:
         width = 2 * self._channels
         if len(data) % width:
             raise DataError(
-                f"audio of {self._device}: {len(data)} bytes are no whole number of 16-bit samples of "
+                f"audio of {self._device}: {len(data)} bytes are not a whole number of 16-bit samples of "
                 f"{self._channels} channels; set audio_channels"
             )
         stamp = stamp_of(message.header)

@@ -29,7 +29,7 @@ def header_of(data: bytes) -> tuple[int, str]:
     """
     end = BEGIN + HEADER.size
     if len(data) < end or data[:2] != LITTLE_ENDIAN:
-        raise DataError(f"{len(data)} bytes are no message with a header")
+        raise DataError(f"{len(data)} bytes are not a message with a header")
     seconds, nanoseconds, length = HEADER.unpack_from(data, BEGIN)
     if nanoseconds >= SECOND:
         raise DataError(f"a stamp has nanosec = {nanoseconds}, which is a second and more")
@@ -78,4 +78,4 @@ def unpacked(data: bytes, kind: Any) -> Any:
         return deserialize_message(data, kind)
     except (RuntimeError, ValueError, OverflowError, MemoryError, SystemError) as error:
         reason = str(error).split(", at ")[0].splitlines()[0] if str(error) else type(error).__name__
-        raise DataError(f"{len(data)} bytes are no {kind.__name__}: {reason}") from None
+        raise DataError(f"{len(data)} bytes are not a {kind.__name__}: {reason}") from None

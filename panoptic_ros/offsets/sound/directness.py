@@ -14,7 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 Array = np.ndarray
-LOW, HIGH = 200, 4000  # Hz, band limits; above, clocks that drift apart by 1e-4 do not agree within a part
+# Hz, band limits. Above 4 kHz a relative drift of 1e-4 between two clocks changes their phase difference too
+# much within a part
+LOW, HIGH = 200, 4000
 SIZE = 8192  # lags per second
 PARTS = 2  # number of parts of 1 s in a window
 NEAR_S = 0.025  # s around the onset lag, search range of the peak: a room delays onsets against direct sound

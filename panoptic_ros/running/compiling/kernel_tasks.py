@@ -18,6 +18,11 @@ from functools import lru_cache, partial
 import numpy as np
 
 from panoptic_ros.association.known_occluders import occluded_depths
+from panoptic_ros.calibration.boards import Board
+from panoptic_ros.calibration.quality import quality_of
+from panoptic_ros.calibration.rig_start import CameraInput
+from panoptic_ros.calibration.solve import calibrate_rig
+from panoptic_ros.calibration.target_views import TargetView
 from panoptic_ros.continuous.config import ContinuousConfig
 from panoptic_ros.continuous.passes import ContinuousPass
 from panoptic_ros.detection.stage import warm_up as detection
@@ -29,6 +34,7 @@ from panoptic_ros.graph.recording import InMemoryRecording
 from panoptic_ros.io.body_context import body_extras
 from panoptic_ros.kernels import on_compilation
 from panoptic_ros.simulation import SKELETON, Ring, SimulatedScene, Simulation, simulate
+from panoptic_ros.simulation.board_sessions import BoardScene, simulate_board
 from panoptic_ros.simulation.rendering import Studio
 from panoptic_ros.stage import StageContext, untold
 
@@ -54,6 +60,14 @@ def _continuous() -> None:
     context = StageContext(take.rig, SKELETON)
     recording = InMemoryRecording({"detection_sets": tuple(take.detection_sets())})
     ContinuousPass(ContinuousConfig(clocks=True, rolling_shutter=True), context).run(recording, untold)
+
+
+def _calibration() -> None:
+    """Compile the kernels of calibrations."""
+    board = Board("checkerboard", 4, 3, 0.1)
+    session = simulate_board(BoardScene(4, 30, smooth=True), board.points, 0)
+    cameras = [CameraInput(camera.name, camera.image_size) for camera in session.rig.cameras]
+    quality_of(calibrate_rig(cameras, [TargetView(*view) for view in session.views], board.points))
 
 
 def _occluders() -> None:
@@ -87,6 +101,7 @@ TASKS: dict[str, Callable[[], None]] = {
     "tracking": partial(_stage, "tracking"),
     "kinematics": _kinematics,
     "continuous": _continuous,
+    "calibration": _calibration,
     "patches": partial(_stage, "patches", active=True),
     "flow": partial(_stage, "flow"),
     "occluders": _occluders,

@@ -246,14 +246,14 @@ def check_kernels() -> Finding:
     if damaged:
         found = f"{len(damaged)} files of compiled kernels in {folder} are cut or damaged"
         return warn(f"{found}; each is compiled again when it is needed", "panoptic warm-up")
-    return ok(f"compiled ones in {folder} are whole")
+    return ok(f"the compiled kernels in {folder} are intact")
 
 
 def check_takes() -> Finding:
     """Check for live takes that no process closed."""
     takes = {take.path.resolve(): take for take in (*unclosed_takes(), *_unclosed_here())}
     if not takes:
-        return ok("no take that was not closed")
+        return ok("no interrupted recording")
     found = "; ".join(str(take) for take in takes.values())
     return warn(found, f"panoptic bag repair {next(iter(takes.values())).path}")
 
@@ -273,7 +273,7 @@ def check_cameras() -> Finding:
     closed = [str(device) for device in devices if not os.access(device, os.R_OK | os.W_OK)]
     if closed:
         return warn(f"no permission for {', '.join(closed)}", "join the group video and log in again")
-    return ok(f"devices: {', '.join(map(str, devices)) or 'none (files and streams work without)'}")
+    return ok(f"devices: {', '.join(map(str, devices)) or 'none (not needed for files and network streams)'}")
 
 
 def _existing(path: Path) -> Path:

@@ -51,7 +51,7 @@ def check_environment() -> Finding:
     profile = os.environ.get("FASTRTPS_DEFAULT_PROFILES_FILE")
     if profile and not Path(profile).is_file():
         return warn(f"FASTRTPS_DEFAULT_PROFILES_FILE: no file {profile}", "correct it or unset it")
-    return ok("nothing that disturbs the ROS wheels")
+    return ok("no variable of another ROS or DDS installation")
 
 
 def check_rclpy() -> Finding:

@@ -95,14 +95,14 @@ def plan_bags(
     paths: Sequence[Path],
     options: RunOptions = NO_OPTIONS,
     *,
-    rig: Path | None = None,
+    rig: Path | Rig | None = None,
     choice: BagChoice = ANY,
     size_policy: SizePolicy = "strict",
 ) -> Plan:
     """Return the plan of a run on bags. It uses their detections if there are any, else their images.
 
     Args:
-        rig: calibration file that replaces the rig in the bags.
+        rig: calibration, or its file, that replaces the rig in the bags.
         size_policy: policy for images whose size differs from the calibration, see `fit_camera`. A CameraInfo
             takes precedence over it.
 
@@ -113,7 +113,9 @@ def plan_bags(
         bags = [stack.enter_context(BagReader(path)) for path in paths]
         if options.subjects and (alone := imus_in_bags(bags, choice)):
             return plan_imu_bags(f"bag {names_of(bags)}", alone, options)
-        whole = read_rig(rig, cameras=choice.cameras) if rig else _latched(bags, "rig")
+        whole = (
+            read_rig(rig, cameras=choice.cameras) if isinstance(rig, Path) else rig or _latched(bags, "rig")
+        )
         if whole is None:
             raise DataError(f"{names_of(bags)} has no message on /rig; give the calibration with --rig")
         asked = whole if choice.cameras is None else whole.subset(choice.cameras)

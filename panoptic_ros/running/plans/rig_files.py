@@ -39,9 +39,24 @@ def read_rig_at(
 
 
 def check_views(rig: Rig, detections: Path | None = None) -> RigReport:
-    """Check that the views of a rig agree, also by the 2D poses of a file if one is given."""
+    """Check that the views of a rig agree, also by 2D poses if they are given.
+
+    Args:
+        detections: file with 2D poses, bag with detections, or results of a run.
+
+    Raises:
+        UserError: if the 2D poses cannot be read, or are of other cameras.
+    """
     if detections is None:
         return check_rig(rig, (), load_skeleton("panoptic19"))
+    from panoptic_ros.io.bags import bag_in  # imported here: `solve` needs no bags
+
+    bag = bag_in(detections)
+    if bag is not None:
+        from panoptic_ros.running.runs.recorded_views import recorded_sets  # imported here: plans load slowly
+
+        sets, skeleton = recorded_sets(bag, rig)
+        return check_rig(rig, sets, skeleton)
     people = read_detections(detections)
     skeleton, mapping = map_joints("panoptic19", people.joint_names)
     return check_rig(rig, tuple(people.sets(rig, mapping, skeleton.hash)), skeleton)
@@ -54,9 +69,9 @@ def turned(rig: Rig, up: str) -> Rig:
         up: up direction in the rig's own world frame: x, -y, ..., or three numbers separated by commas.
 
     Raises:
-        UsageError: if it is no direction.
+        UsageError: if it is not a direction.
     """
     direction = direction_of(up)
     if direction is None:
-        raise UsageError(f"--up {up!r} is no direction; write an axis, as --up=-y, or three numbers")
+        raise UsageError(f"--up {up!r} is not a direction; write an axis, as --up=-y, or three numbers")
     return turned_up(rig, direction)

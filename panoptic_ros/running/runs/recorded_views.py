@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.domain import DetectionSet, ViewDetections
+from panoptic_ros.domain import DetectionSet, Rig, SkeletonModel, ViewDetections
 from panoptic_ros.io.interruption import interrupted
 from panoptic_ros.params import config_of
 from panoptic_ros.running.plans.bag_plan import plan_bags
@@ -50,6 +50,19 @@ class _Views:
         self.notices += notices
 
 
+class _Sets:
+    """Receiver of detection sets; it keeps them without score maps."""
+
+    def __init__(self) -> None:
+        self.sets: list[DetectionSet] = []
+
+    def take(self, key: str, record: Any) -> None:
+        """Receive a record of the topic with that key."""
+        if key == "detection_sets":
+            views = tuple(replace(view, maps=None, limit=None) for view in record.views)
+            self.sets.append(replace(record, views=views))
+
+
 def plan_recording(capture: Path | None, bags: Sequence[Path], rig: Path | None, skeleton: str) -> Plan:
     """Return the plan of a capture folder or of bags.
 
@@ -65,6 +78,23 @@ def plan_recording(capture: Path | None, bags: Sequence[Path], rig: Path | None,
     if bags or capture is None:
         return plan_bags(bags, options, rig=rig)
     return plan_capture(capture, options, rig=rig)
+
+
+def recorded_sets(bag: Path, rig: Rig) -> tuple[list[DetectionSet], SkeletonModel]:
+    """Return the detection sets of a bag, and their skeleton model. Images go through detection.
+
+    Args:
+        rig: calibration; it replaces that of the bag.
+
+    Raises:
+        UserError: if the bag cannot be read, or is of other cameras.
+        KeyboardInterrupt: if a request to end has arrived.
+    """
+    plan, found = plan_bags([bag], rig=rig), _Sets()
+    run_in_process(replace(plan, views_only=True), found, interrupted)
+    if interrupted():
+        raise KeyboardInterrupt
+    return found.sets, plan.skeleton
 
 
 def recorded_views(plan: Plan, progress: Progress) -> tuple[list[DetectionSet], list[str]]:

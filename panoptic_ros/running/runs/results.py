@@ -13,7 +13,7 @@ from panoptic_ros.errors import ContractError, DataError, PanopticError
 from panoptic_ros.evaluation.body_tally import BodyTally
 from panoptic_ros.graph.topics import TOPICS, owner_of
 from panoptic_ros.io.bag_recorder import BagRecorder
-from panoptic_ros.io.bags import BagWriter
+from panoptic_ros.io.bags import RESULT_BAG, BagWriter
 from panoptic_ros.io.body_files import BodyStream
 from panoptic_ros.io.clock_files import write_models
 from panoptic_ros.io.definitions import described
@@ -28,8 +28,8 @@ from panoptic_ros.sync.config import SyncConfig
 from panoptic_ros.view.body_drawing import DrawnBody, drawn_bodies
 
 KEPT_LIVE = 3600  # instants that the report of a live run covers, as the run has no end; 2 min
-KEPT_FREE = 2_000_000  # bytes that a live take leaves free on the disk: the bag's index of one hour
-BAG, SKELETONS, BODIES, CLOCKS = "bag", "skeletons.json.gz", "kinematics.json.gz", "offsets.json"
+KEPT_FREE = 2_000_000  # bytes that a live take leaves free on the disk, for the index of its bag (one hour)
+BAG, SKELETONS, BODIES, CLOCKS = RESULT_BAG, "skeletons.json.gz", "kinematics.json.gz", "offsets.json"
 # files and folders that a run writes before its end
 MADE = (BAG, SKELETONS, BODIES, CLOCKS, "rig.json", "launch.json", "occluders.json", "logs")
 

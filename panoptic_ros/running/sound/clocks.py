@@ -108,7 +108,7 @@ def recorded_sound(path: Path) -> tuple[list[SoundRecorder], Rig | None]:
 
     Raises:
         DataError: if there is no sound.
-        UsageError: if `path` is no capture folder and no bag, or contains several rigs.
+        UsageError: if `path` is neither a capture folder nor a bag, or contains several rigs.
     """
     if not path.exists():
         raise DataError(f"{path} does not exist")
@@ -133,7 +133,7 @@ def recorded_sound(path: Path) -> tuple[list[SoundRecorder], Rig | None]:
         begins = starts | {name: own[0] for name, own in stamps.items() if own}
         found = recorders_of(folder_sounds(path, begins, tracks))
     else:
-        raise UsageError(f"{path} is no capture folder and no bag; sound is taken from these")
+        raise UsageError(f"{path} is neither a capture folder nor a bag; sound is taken from these")
     if not found:
         raise DataError(f"{path} has no sound: no WAV file, no video with a sound track")
     return found, rig

@@ -90,8 +90,8 @@ def plan_clocks(
         stamps: timestamps of some frames of each camera, ns, at least of the first frame.
 
     Raises:
-        DataError: if no recorder carries the clock of a camera.
-        UsageError: if a parameter names such a clock.
+        DataError: if the recorders carry clocks of some cameras, but not of all.
+        UsageError: if they carry no clock of a camera, and `sync.clocks` names one.
     """
     recorders = [_named_by_parameter(recorder, configs) for recorder in recorders]
     clocks = _clocks_of_cameras(rig, configs)

@@ -24,7 +24,7 @@ from panoptic_ros.clocks.stereo import LEAST_READINGS, align_timecodes
 from panoptic_ros.domain import Camera, ClockModel, Rig, SkeletonModel, TimecodeReading, ViewDetections
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.geometry import Intrinsics, Rigid
-from panoptic_ros.io.bags import BagReader, is_bag
+from panoptic_ros.io.bags import BagReader, bag_in
 from panoptic_ros.io.files import file_errors, write_json
 from panoptic_ros.io.messages import from_message
 from panoptic_ros.io.stamps import StampTable, read_stamps, stamp_file
@@ -42,6 +42,7 @@ FRAMES = {  # message types that represent frames, best first, with the ends of 
     "sensor_msgs/msg/CompressedImage": "/image_raw/compressed",
     "sensor_msgs/msg/CameraInfo": "/camera_info",
 }
+PREVIEW = "/preview/compressed"  # end of topics with previews, which show only some of the images of a camera
 CHANNELS = 2  # channels of a recording that are searched for timecode
 
 
@@ -68,7 +69,7 @@ class Sources:
 
 
 def collect(path: Path) -> Sources:
-    """Read a bag (its folder, or one of its files), a capture folder, or a file.
+    """Read a bag (its folder, or one of its files), the results of a run, a capture folder, or a file.
 
     Raises:
         DataError: if it contains no timestamps and no timecode.
@@ -76,8 +77,9 @@ def collect(path: Path) -> Sources:
     if not path.exists():
         raise DataError(f"{path} does not exist")
     sources = Sources()
-    if is_bag(path):
-        _read_bag(path, sources)
+    bag = bag_in(path)
+    if bag is not None:
+        _read_bag(bag, sources)
     else:
         for place in places_in(path):
             for file in sorted(place.iterdir()):
@@ -86,9 +88,9 @@ def collect(path: Path) -> Sources:
             _read_file(path, sources, strict=True)
     if not sources.cameras and not sources.readings:
         raise DataError(
-            f"{path} has no stamps of frames and no timecode; a report needs timestamps.csv (camera, frame, "
-            "stamp_ns, or cam_id, frame_time), sync tables, WAV file or video with timecode, or bag with "
-            "images, detections or audio"
+            f"{path} has no stamps of frames and no timecode, so there is nothing to report; a report needs "
+            "timestamps.csv (camera, frame, stamp_ns, or cam_id, frame_time), sync tables, a WAV file or "
+            "video with timecode, or a bag with images, detections or audio"
         )
     return sources
 
@@ -104,7 +106,7 @@ def _read_file(path: Path, sources: Sources, strict: bool) -> None:
     elif path.suffix.lower() == ".wav" or (path.suffix.lower() in VIDEO_SUFFIXES and known_tracks(path)):
         _read_sound(path, sources)
     elif strict:
-        raise DataError(f"{path} is no CSV of stamps, sync table, WAV file, video with sound or bag")
+        raise DataError(f"{path} is not a CSV of stamps, sync table, WAV file, video with sound or bag")
 
 
 def _read_sound(path: Path, sources: Sources) -> None:
@@ -152,7 +154,9 @@ def _frame_topics(bag: BagReader) -> dict[str, str]:
     for kind, suffix in FRAMES.items():
         for topic, own in sorted(bag.topics.items()):
             name = topic.removesuffix(suffix).strip("/")
-            if own == kind and bag.counts.get(topic) and name not in chosen.values():
+            if own != kind or topic.endswith(PREVIEW) or not bag.counts.get(topic):
+                continue
+            if name not in chosen.values():
                 chosen[topic] = name
     return chosen
 

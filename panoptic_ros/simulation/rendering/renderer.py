@@ -15,18 +15,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
 import cv2
 import numpy as np
 
-from panoptic_ros.domain import Camera
+from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.kernels import njit
+from panoptic_ros.simulation.people import SimulatedPerson
 from panoptic_ros.simulation.rendering.figure import figure
 from panoptic_ros.simulation.rendering.paint import LIGHT, paint_pixels
 from panoptic_ros.simulation.rendering.room import RenderedRoom
 from panoptic_ros.simulation.rendering.shapes import Material, Shapes
 from panoptic_ros.simulation.rendering.wardrobe import Appearance
-from panoptic_ros.simulation.simulate import Simulation
 from panoptic_ros.simulation.skeleton import SKELETON, J
 
 CELLS = 256
@@ -158,10 +159,29 @@ class RenderedView:
     people: Array
 
 
+class RenderedTake(Protocol):
+    """Take that can be rendered: `Simulation` or `FreeRunningCapture`."""
+
+    @property
+    def seed(self) -> tuple[int, ...]:
+        """Return the root seed of all random numbers."""
+        ...
+
+    @property
+    def rig(self) -> Rig:
+        """Return the cameras."""
+        ...
+
+    @property
+    def people(self) -> tuple[SimulatedPerson, ...]:
+        """Return the true people."""
+        ...
+
+
 class Studio:
     """Room and appearances of a take, shared by all of its cameras."""
 
-    def __init__(self, take: Simulation):
+    def __init__(self, take: RenderedTake):
         self.take = take
         self.room = RenderedRoom.draw(np.random.default_rng([*take.seed, 5]), take.rig)
         rng = np.random.default_rng([*take.seed, 6])

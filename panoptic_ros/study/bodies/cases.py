@@ -34,7 +34,9 @@ from panoptic_ros.study.people.detected import detected
 from panoptic_ros.study.study import Case, Result, Study
 
 Array = np.ndarray
-SKIPPED_S = 3.0  # s at the beginning without a score: the T-pose and the motion out of it
+SKIPPED_S = (
+    3.0  # s at the beginning without a score: the T-pose, and the motion from the T-pose to the first clip
+)
 OURS = "ours"
 METHODS = (OURS, PAPER)
 # the paper's solver with our association of 2D poses, so that only the solvers differ

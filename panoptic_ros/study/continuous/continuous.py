@@ -16,12 +16,13 @@ from pathlib import Path
 import numpy as np
 
 from panoptic_ros.continuous.config import ContinuousConfig
+from panoptic_ros.continuous.elhayek.passes import DEGREE, IMAGE_DEGREE
 from panoptic_ros.running.arguments import within
 from panoptic_ros.simulation.free_running import simulate_free_running
 from panoptic_ros.simulation.free_running_scenes import FREE_RUNNING_SCENES
 from panoptic_ros.stage import Progress, each
 from panoptic_ros.study.continuous.figures import SPEEDS, figures_of
-from panoptic_ros.study.continuous.methods import METHODS, REFERENCE_HZ, CaptureUnderTest
+from panoptic_ros.study.continuous.methods import METHODS, OF_CASE, REFERENCE_HZ, CaptureUnderTest
 from panoptic_ros.study.options import add_seeds, known_names, words
 from panoptic_ros.study.study import Case, Column, Result, Row, Study, averaged, grouped, table
 
@@ -33,7 +34,7 @@ CONFIGS = {  # unknowns of the continuous pass; other cases have none
     "shutter": ContinuousConfig(rolling_shutter=True, trusted_camera=EXACT),
 }
 # seconds of a case and seed, measured
-COSTS = {"faster": 8.0, "free": 8.0, "clocks": 13.0, "shutter": 16.0, "visitors": 40.0}
+COSTS = {"faster": 25.0, "free": 8.0, "clocks": 13.0, "shutter": 16.0, "visitors": 40.0, "rendered": 60.0}
 SPEED_KEYS = tuple(f"speed_{low:g}_{high:g}_m" for low, high in pairwise(SPEEDS))
 
 
@@ -109,7 +110,8 @@ class Continuous(Study):
         task = CaptureUnderTest(capture, times, CONFIGS.get(name, ContinuousConfig()))
         at_work = float(capture.present(times).sum()) / RESULT_HZ  # person-seconds
         unit: Row = {}
-        for method, solve in each(METHODS.items(), len(METHODS), progress, "methods"):
+        methods = OF_CASE.get(name, METHODS)
+        for method, solve in each(methods.items(), len(methods), progress, "methods"):
             found = solve(task)
             instants = (
                 times
@@ -143,6 +145,9 @@ class Continuous(Study):
             "`aligned`: nearest frames treated as simultaneous, true association. `solve`: `panoptic solve` "
             "on the same groups.\n"
             "`lag`: the stage `continuous` at 50 Hz, each instant from the views up to the lag later.\n"
+            "`elhayek`: `panoptic continuous --preset elhayek-2012`, polynomials of degree "
+            f"{DEGREE} of joint angles.\n"
+            f"`images`: with --images, degree {IMAGE_DEGREE}: blobs of images instead of 2D joints.\n"
             "Unknown clocks and line delays (cases `clocks`, `shutter`) are estimated by `continuous` only.\n"
             "Ids per person; ids that follow two people; longest time without a person who is there, of all "
             "seeds;\nperson-seconds of false people; processor time per person-second."

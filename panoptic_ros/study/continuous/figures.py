@@ -18,7 +18,7 @@ from panoptic_ros.simulation.skeleton import JOINTS
 Array = np.ndarray
 SPEEDS = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0)  # m/s, limits of the groups of speed
 SKIPPED_S = 0.3  # s after a person enters and before it leaves, without a score of errors
-LINGER_S = 0.5  # s before a person enters and after it leaves, in which output of it is no fault
+LINGER_S = 0.5  # s before a person enters and after it leaves, in which output of it is not a fault
 LAST = 0.75  # share of the capture after which the last quarter begins
 MIXED_S = 0.3  # s with a second true person from which an id follows two people
 SPEED_STEP_S = 1e-3  # s, step of the difference that gives true speeds
@@ -28,7 +28,8 @@ def figures_of(capture: FreeRunningCapture, times: Array, frames: Sequence[Skele
     """Score people at instants (T,) s against the truth.
 
     Returns: errors in m; `missing_s` is the longest time (s) of a present person without a result within
-        `evaluation.pairing.FOUND`; `false_s` is the time (s) of result people where no true person is.
+        `evaluation.pairing.FOUND`; `false_s` is the summed time (s) of people in the result
+        at whose place there is no true person.
     """
     pairs = pair_sequences(truth_at(capture, times), SkeletonSequence(JOINTS, tuple(frames)))
     present, scored = capture.present(times), _scored(capture, times)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 
@@ -11,9 +11,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from panoptic_ros.continuous.config import ContinuousConfig
+from panoptic_ros.continuous.elhayek.passes import ElhayekPass
 from panoptic_ros.continuous.motion_result import ContinuousMotion
 from panoptic_ros.continuous.passes import ContinuousPass
-from panoptic_ros.domain import DetectionSet, ViewDetections
+from panoptic_ros.domain import DetectionSet, ViewDetections, ViewFrame
 from panoptic_ros.evaluation import SkeletonFrame
 from panoptic_ros.geometry.triangulation import triangulate_robust
 from panoptic_ros.graph.build import configure
@@ -21,10 +22,12 @@ from panoptic_ros.graph.pipeline import records_of
 from panoptic_ros.graph.recording import InMemoryRecording
 from panoptic_ros.running.continuous import ContinuousTask
 from panoptic_ros.running.continuous_online import solve_online
+from panoptic_ros.running.continuous_preset import RecordingWithImages, preset_context
 from panoptic_ros.simulation.detector import Sightings
 from panoptic_ros.simulation.free_running import START_NS, FreeRunningCapture, TimedView, owners_of
+from panoptic_ros.simulation.rendering.renderer import Studio
 from panoptic_ros.simulation.skeleton import JOINTS, SKELETON
-from panoptic_ros.stage import StageContext, untold
+from panoptic_ros.stage import Pass, StageContext, untold
 
 Array = np.ndarray
 REFERENCE_HZ = 70.0  # rate of the synchronous reference in the paper
@@ -136,15 +139,13 @@ def grouped(case: CaptureUnderTest) -> MotionResult:
 
 def continuous(case: CaptureUnderTest) -> MotionResult:
     """Fit curves to the whole recording, as `panoptic continuous` does."""
-    capture = case.capture
-    recording = InMemoryRecording({"detection_sets": list(capture.sets())})
-    begin = time.process_time()
-    motion = ContinuousPass(case.config, StageContext(capture.rig, SKELETON)).run(recording, untold)
-    stamps = START_NS + np.round(1e9 * case.times).astype(np.int64)
-    frames = [SkeletonFrame(r.stamp_ns, r.ids, r.positions, r.covariances) for r in motion.sets(stamps)]
-    spent = time.process_time() - begin
-    wrong = wrong_share(capture, motion)
-    return MotionResult(frames, spent, wrong, *clock_errors(capture, motion, case.config))
+    return _whole(case, ContinuousPass(case.config, StageContext(case.capture.rig, SKELETON)))
+
+
+def elhayek(case: CaptureUnderTest, images: bool = False) -> MotionResult:
+    """Fit polynomials of joint angles, as `panoptic continuous --preset elhayek-2012` does."""
+    context = preset_context(StageContext(case.capture.rig, SKELETON))
+    return _whole(case, ElhayekPass(case.config, context, images=images))
 
 
 def online(case: CaptureUnderTest, lag: float) -> MotionResult:
@@ -166,6 +167,12 @@ METHODS: dict[str, Callable[[CaptureUnderTest], MotionResult]] = {
     "solve": grouped,
     "continuous": continuous,
     **{f"lag {lag:g} s": partial(online, lag=lag) for lag in LAGS},
+}
+
+
+OF_CASE = {  # methods by case; the others have `METHODS`
+    "faster": METHODS | {"elhayek": elhayek},
+    "rendered": METHODS | {"elhayek": elhayek, "images": partial(elhayek, images=True)},
 }
 
 
@@ -207,6 +214,30 @@ def clock_errors(
     offset_error = float(np.sqrt(np.mean((found[0] - offsets)[1:] ** 2))) if config.clocks else np.nan
     line_error = float(np.sqrt(np.mean((found[2] - lines) ** 2))) if config.rolling_shutter else np.nan
     return offset_error, line_error
+
+
+def rendered_frames(capture: FreeRunningCapture) -> Iterator[ViewFrame]:
+    """Yield the rendered images of all views, camera by camera."""
+    studio = Studio(capture)
+    for number, camera in enumerate(capture.rig.cameras):
+        own = [one for one in capture.views if one.camera == number]
+        shown = studio.camera(camera.name).render(np.array([one.seconds for one in own]))
+        for k, (one, picture) in enumerate(zip(own, shown)):
+            yield ViewFrame(camera.name, one.view.stamp_ns, k, picture.image)
+
+
+def _whole(case: CaptureUnderTest, work: Pass[ContinuousMotion]) -> MotionResult:
+    """Return the people that a pass over the whole capture gives at the instants of a case."""
+    capture = case.capture
+    sets = InMemoryRecording({"detection_sets": list(capture.sets())})
+    recording = RecordingWithImages(sets, partial(rendered_frames, capture))
+    begin = time.process_time()
+    motion = work.run(recording, untold)
+    stamps = START_NS + np.round(1e9 * case.times).astype(np.int64)
+    frames = [SkeletonFrame(r.stamp_ns, r.ids, r.positions, r.covariances) for r in motion.sets(stamps)]
+    spent = time.process_time() - begin
+    wrong = wrong_share(capture, motion)
+    return MotionResult(frames, spent, wrong, *clock_errors(capture, motion, case.config))
 
 
 def _triangulated(

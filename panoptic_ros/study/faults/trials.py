@@ -90,7 +90,7 @@ def outcome(name: str, path: Path) -> str:
         except UserError as error:
             line = str(error)
             short = "\n" not in line and len(line) < LONGEST_LINE
-            told = "refused" if short else "the error is no short line"
+            told = "refused" if short else "the error is not a short line"
         except ReaderTimeout:
             told = f"took more than {LONGEST_S:g} s"
         except (Exception, MemoryError) as error:

@@ -71,7 +71,7 @@ def detected(
         truth: file to use instead of the folder's own truth, which is optional.
 
     Raises:
-        UsageError: if the named truth does not exist, or the folder is no capture.
+        UsageError: if the named truth does not exist, or the folder is not a capture.
     """
     if truth is None and (folder / TRUTH).is_file():
         truth = folder / TRUTH

@@ -107,7 +107,7 @@ def play(
         seed: seed of the sensor noise.
 
     Raises:
-        UsageError: if the folder has no truth, or is no capture.
+        UsageError: if the folder has no truth, or is not a capture.
     """
     truth_file = next((folder / name for name in TRUTHS if (folder / name).is_file()), None)
     if truth_file is None:

@@ -1,6 +1,6 @@
 """Bindings to an installed libltc through ctypes, for comparison with this project's decoder.
 
-libltc is no part of this package.
+libltc is not part of this package.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ from panoptic_ros.timecode.word.viterbi import WordLevels
 
 Array = np.ndarray
 LINE_WORDS = 10  # number of words in the line fit of the cell length
-BENDING = 0.05  # cells; a word farther off the predicted middle means that the speed has changed
+BENDING = 0.05  # cells; if a word is farther off the predicted middle, the speed has changed
 # variance ratio of the swing in one word that shows a changing speed; no channel causes as much
 WAVERS = 30.0
 # mean variance ratio over a few words that shows a changing speed; number of words

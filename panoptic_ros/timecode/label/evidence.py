@@ -1,9 +1,9 @@
 """Score a label for one word, against all other labels and against the labels of neighbouring frames.
 
-The labels of stopped timecode differ in few bits from consecutive labels. A wrong user bit beside these bits
-can hide the flipped polarity that reveals the difference. Therefore, if a word has the same user bits as
-earlier words, its labels are judged with these bits. A label must also be more likely than its neighbours.
-All scores are in nats (natural logarithms of probability ratios).
+A repeated label of stopped timecode differs from the consecutive label in few bits. User bits that are read
+wrongly can hide this difference. Therefore the user bits of earlier words are used as known bits, if the word
+agrees with them. A label must also be more likely than its neighbours. All scores are in nats (natural
+logarithms of probability ratios).
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ class UserBits:
 
         Args:
             soft: (32,) nats in favour of ones.
-            contradiction: nats by which the word fits better without the likely bits.
+            contradiction: nats by which the word fits free user bits better than the likely ones.
             clear: True if no click or noise distorts the word.
         """
         heard = (soft > 0.0).astype(np.int8)

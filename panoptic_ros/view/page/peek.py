@@ -42,7 +42,7 @@ def detections_head(data: bytes) -> tuple[int, int]:
     """Return the timestamp (ns) and frame number of a panoptic_msgs/ViewDetections.
 
     Raises:
-        DataError: If the bytes are no such message.
+        DataError: If the bytes are not such a message.
     """
     try:
         cursor = _Cursor(data)
@@ -57,7 +57,7 @@ def skeletons_head(data: bytes) -> SkeletonsHead:
     """Return the timestamps and views of a panoptic_msgs/Skeletons.
 
     Raises:
-        DataError: If the bytes are no such message.
+        DataError: If the bytes are not such a message.
     """
     try:
         cursor = _Cursor(data)

@@ -47,7 +47,7 @@ class PageServer:
         """Listen, and yield the address of the page.
 
         Raises:
-            EnvironmentProblem: If the port is taken, or the host is no address of this machine.
+            EnvironmentProblem: If the port is taken, or the host is not an address of this machine.
         """
         try:
             server = await serve(

@@ -10,6 +10,7 @@ from panoptic_ros.cli.main import main
 from panoptic_ros.domain import (
     AudioBlock,
     FrameRate,
+    Preview,
     SkeletonModel,
     Timecode,
     TimecodeReading,
@@ -138,6 +139,22 @@ def test_a_bag_with_detections_and_timecode(tmp_path, capsys, declared):
         assert device["drift_ppm"] == pytest.approx(-1019.0, abs=2.0)
 
 
+@pytest.mark.parametrize("results", [False, True])
+def test_previews_of_a_run_are_no_cameras(tmp_path, results, capsys):
+    """`panoptic run` records previews at a third of the rate beside the detections."""
+    family = bag_messages()
+    with BagWriter(tmp_path / "bag") as bag:
+        for k in range(60):
+            stamp = START * 10**9 + round(k * 10**9 / 30)
+            for camera in ("left", "right"):
+                bag.write(f"/{camera}/detections", stamp, to_message(view(camera, stamp), family))
+                if k % 3 == 0:
+                    preview = Preview(camera, stamp, b"\xff\xd8\xff")
+                    bag.write(f"/{camera}/preview/compressed", stamp, to_message(preview, family))
+    code, document = report(tmp_path if results else tmp_path / "bag", capsys)
+    assert code == 0 and [row["camera"] for row in document["cameras"]] == ["left", "right"]
+
+
 @pytest.mark.parametrize("counted", [True, False])
 def test_sound_that_is_missing_in_a_bag_is_told_once(tmp_path, capsys, counted):
     """Two gaps; a count of samples shows them, or else labels and stamps do."""
@@ -168,7 +185,7 @@ def test_bad_sources_are_told_in_one_line(tmp_path, capsys):
         ("empty", "no stamps"),
         ("x.csv", "line 1: columns camera"),
         ("y.csv", "line 2"),
-        ("z.txt", "no CSV"),
+        ("z.txt", "not a CSV"),
     ):
         assert main(["sync", "report", str(tmp_path / name)]) == 2
         error = capsys.readouterr().err

@@ -57,12 +57,12 @@ def test_an_output_that_is_not_there_is_named(blobs):
 
 @pytest.mark.parametrize("data", [b"", b"no network", b"\x00" * 1000])
 def test_other_files_are_refused(blobs, data):
-    with pytest.raises(BackendError, match="no ONNX file that can be run"):
+    with pytest.raises(BackendError, match="not an ONNX file that can be run"):
         OnnxNetwork(simcc(blobs), data)
 
 
 def test_a_truncated_file_is_refused(blobs):
-    with pytest.raises(BackendError, match="no ONNX file that can be run"):
+    with pytest.raises(BackendError, match="not an ONNX file that can be run"):
         OnnxNetwork(simcc(blobs), network(blobs)[:-60])
 
 

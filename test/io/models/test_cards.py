@@ -64,7 +64,7 @@ def test_wrong_cards_name_the_file_and_the_entry(tiny_card, change, text):
 def test_files_that_are_no_cards(tmp_path):
     path = tmp_path / "list.yaml"
     path.write_text("- 1\n- 2\n")
-    with pytest.raises(ConfigError, match="no model card"):
+    with pytest.raises(ConfigError, match="not a model card"):
         read_card(str(path))
 
 

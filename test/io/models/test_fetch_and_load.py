@@ -80,7 +80,7 @@ def test_a_file_that_is_no_onnx_or_has_other_tensors(npm, tiny_card):
     own = tiny_card.parent / "own.onnx"
     own.write_bytes(b"<html>not found</html>")
     change(tiny_card, file="own.onnx", fetch=None)
-    with pytest.raises(BackendError, match="no ONNX file"):
+    with pytest.raises(BackendError, match="not an ONNX file"):
         load_detector(str(tiny_card))
     own.write_bytes(data)
     change(tiny_card, joints="coco17")

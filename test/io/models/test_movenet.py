@@ -74,7 +74,7 @@ def test_a_resize_about_corners_is_refused(tiny_files):
 
 def test_another_graph_is_refused(tiny_files):
     topology, weights = tiny_files
-    with pytest.raises(DataError, match="no MoveNet: it lacks heat"):
+    with pytest.raises(DataError, match="not a MoveNet: it lacks heat"):
         find_heads(parse_graph(topology.replace(b"kpt_heatmap_0", b"somethingelse"), weights))
     with pytest.raises(DataError, match="Softplus"):
         convert(parse_graph(topology.replace(b'"AddV2"', b'"Softplus"'), weights))

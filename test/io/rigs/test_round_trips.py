@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -92,6 +93,13 @@ def test_content_decides_not_the_name(tmp_path: Path, rig: Rig) -> None:
     for i, name in enumerate(n for n in WRITABLE if n != "camera_info"):
         write_rig(tmp_path / f"{i}.dat", rig, name)
         assert largest_difference(rig, read_rig(tmp_path / f"{i}.dat")) < 1e-12
+
+
+def test_a_folder_without_frame_id_is_in_world(tmp_path: Path, rig: Rig) -> None:
+    write_rig(tmp_path / "rig", replace(rig, frame_id="studio"), "camera_info")
+    path = tmp_path / "rig" / "poses.yaml"
+    path.write_text(path.read_text().replace("frame_id: studio\n", ""))
+    assert read_rig(tmp_path / "rig").frame_id == "world"
 
 
 def test_frame_id_survives(tmp_path: Path, rig: Rig) -> None:

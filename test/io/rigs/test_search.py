@@ -30,7 +30,7 @@ def test_any_single_rig_is_found(tmp_path: Path, rig: Rig, place: str) -> None:
 def test_none_and_several(tmp_path: Path, rig: Rig) -> None:
     with pytest.raises(DataError, match="has no rig"):
         find_rig(tmp_path)
-    with pytest.raises(DataError, match="is no folder"):
+    with pytest.raises(DataError, match="is not a folder"):
         find_rig(tmp_path / "missing")
     write_rig(tmp_path / "a.toml", rig)
     write_rig(tmp_path / "b.qca.txt", rig)

@@ -247,7 +247,7 @@ def test_messages_that_are_no_cdr_are_left_out_and_counted(tmp_path):
         "/bare, which are CDR of no stated type",
         "/proto, which are protobuf",
         "/one, which are ROS 1",
-        "/false, which are no CDR",
+        "/false, which are not CDR",
     )
     assert sorted(made.lost) == sorted(f"x.mcap: 4 messages on {words}" for words in told)
 
@@ -285,7 +285,7 @@ def test_a_packed_message_that_is_damaged_costs_itself_alone(tmp_path):
     rows[2] = (0, 2, rows[2][2][:4] + b"\xff" * 9)
     made = repair(write_mcap(tmp_path / "x.mcap", TOPICS[:1], rows), tmp_path / "new")
     assert [row[1] for row in content(tmp_path / "new")] == [0, 1, 3, 4]
-    assert made.lost == ("x.mcap: 1 messages on /a, which are no CDR",)
+    assert made.lost == ("x.mcap: 1 messages on /a, which are not CDR",)
 
 
 def test_what_the_metadata_tell_of_and_is_not_there_is_told(tmp_path):

@@ -194,7 +194,7 @@ def test_a_packed_file_that_was_cut_names_the_remedy(tmp_path):
 
 
 class TestOtherSerializations:
-    """Messages that are no CDR."""
+    """Messages that are not CDR."""
 
     TOPICS = (
         *TOPICS,

@@ -107,7 +107,7 @@ def test_where_instants_are_left_out_a_steady_body_is_followed_all_the_same(acce
 
 
 def test_a_body_that_stops_at_once_while_nobody_sees_it_is_known_to_stop():
-    """All devices feel it alike, so it is no outlier."""
+    """All devices feel it alike, so it is not an outlier."""
     still, rng = moving(1)[0], np.random.default_rng(0)
     along = 3.0 * PERIOD * np.minimum(np.arange(61), 30)
     poses = [still._replace(root=still.root + [x, 0.0, 0.0]) for x in along]

@@ -44,7 +44,7 @@ def test_names_of_namespaces():
 
 
 def test_a_listener_has_waited_since_it_was_made(ros, monkeypatch):
-    """Once a second has gone by it looks without waiting; graphs of other namespaces are no matter."""
+    """Once a second has gone by it looks without waiting; graphs of other namespaces do not matter."""
     apart, listener = GraphListener("hall"), GraphListener("lab")
     other = rclpy.create_node("refinement", namespace="lab")
     other.create_publisher(message_class("panoptic_msgs/msg/Skeletons"), "skeletons", 1)

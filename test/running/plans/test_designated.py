@@ -42,7 +42,7 @@ def test_what_cannot_be_is_refused(tmp_path):
     with pytest.raises(UsageError, match="--subject and tracking.subjects both"):
         with_subjects(plan(subjects=["1"]), (a,))
     a.write_text("{}")
-    with pytest.raises(DataError, match=r"a.json is no panoptic-subject-1 file"):
+    with pytest.raises(DataError, match=r"a.json is not a panoptic-subject-1 file"):
         with_subjects(plan(), (a,))
 
 

@@ -96,7 +96,7 @@ def test_what_cannot_be_found_is_one_line(capture, tmp_path, capsys):
     for given, says in (
         ([empty], "has no sound"),
         ([tmp_path / "gone"], "does not exist"),
-        ([folder / "rig.json"], "no capture"),
+        ([folder / "rig.json"], "neither a capture"),
         ([folder, "--trusted-camera", "cam99"], "cam99"),
     ):
         code, text, errors = run(capsys, "sync", "sound", *given)

@@ -179,7 +179,7 @@ def test_sound_of_another_rate_is_told(folder):
             "timecode.wav: {clocks: [A, B], begin: 3}",
             "unknown key 'begin'; known are clocks, start_ns, track",
         ),
-        ("timecode.wav: [[A], B]", "is no list of clocks"),
+        ("timecode.wav: [[A], B]", "is not a list of clocks"),
         ("[timecode.wav]", "must hold the clocks of files"),
     ],
 )

@@ -14,7 +14,7 @@ from panoptic_ros.simulation.free_running import START_NS, simulate_free_running
 from panoptic_ros.simulation.free_running_scenes import FREE_RUNNING_SCENES
 from panoptic_ros.study.continuous.continuous import Continuous
 from panoptic_ros.study.continuous.figures import LINGER_S, figures_of
-from panoptic_ros.study.continuous.methods import LAGS, METHODS, CaptureUnderTest
+from panoptic_ros.study.continuous.methods import LAGS, METHODS, CaptureUnderTest, rendered_frames
 from panoptic_ros.study.names import parsed
 
 TIMES = np.arange(1, 800) / 100.0  # s
@@ -109,6 +109,24 @@ def test_continuous_is_better_than_aligned_frames_and_the_low_rate():
     assert errors == sorted(errors, reverse=True) and errors[-2] < 1.6 * of_method["continuous"]["mean_m"]
     assert found["lag 0.1 s"].cpu_s > 0.0
     assert found["continuous"].wrong_views == 0.0 and of_method["continuous"]["ids"] == 1.0
+
+
+def test_every_view_of_the_rendered_case_has_an_image_that_shows_its_person():
+    take = simulate_free_running(replace(FREE_RUNNING_SCENES["rendered"], seconds=0.3), 1)
+    frames = list(rendered_frames(take))
+    assert sorted((f.camera, f.stamp_ns) for f in frames) == sorted(
+        (one.view.camera, one.view.stamp_ns) for one in take.views
+    )
+    empty = list(
+        rendered_frames(replace(take, people=tuple(replace(p, present=(9.0, 9.0)) for p in take.people)))
+    )
+    for frame, bare in zip(frames, empty):
+        (one,) = (
+            o for o in take.views if o.view.stamp_ns == frame.stamp_ns and o.view.camera == frame.camera
+        )
+        _, u = np.nonzero(np.abs(frame.image.astype(int) - bare.image).max(axis=2) > 60)
+        pixels = take.rig.cameras[one.camera].project(take.joints(np.array([one.seconds]))[0, 0])[0]
+        assert np.median(u) == pytest.approx(np.median(pixels[:, 0]), abs=15.0)
 
 
 def test_groups_take_each_camera_once_and_the_nearest_view():

@@ -88,7 +88,7 @@ def test_an_interruption_leaves_no_file(tmp_path, capsys, monkeypatch):
     [
         (["study", "cameras"], "required: --rig"),
         (["study", "cameras", "--rig", "r", "--noise", "2"], "'2' is not a number from"),
-        (["study", "cameras", "--rig", "r", "--people", "0,2"], "'0,2' is no list"),
+        (["study", "cameras", "--rig", "r", "--people", "0,2"], "'0,2' is not a list"),
         (["study", "cameras", "--rig", "r", "--depth", "none"], "unrecognized arguments: --depth"),
         (["study", "stars"], "no study 'stars'"),
         (["evaluate"], "name the truth and the result"),

@@ -90,7 +90,7 @@ def test_growth_compares_like_with_like():
 
 def test_mistakes_on_the_command_line_are_told(capsys):
     assert main(["study", "stage1", "--views", "three"]) == 2
-    assert "'three' is no list of whole numbers" in capsys.readouterr().err
+    assert "'three' is not a list of whole numbers" in capsys.readouterr().err
     assert main(["study", "stage1", "--frames", "1"]) == 2
 
 

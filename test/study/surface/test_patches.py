@@ -8,7 +8,7 @@ from panoptic_ros.study.surface import patches
 
 def test_bad_numbers_are_told_in_one_line(capsys):
     assert main(["study", "patches", "--views", "1,8"]) == 2
-    assert "'1,8' is no list" in capsys.readouterr().err
+    assert "'1,8' is not a list" in capsys.readouterr().err
     assert main(["study", "patches", "--frames", "3"]) == 2
     assert "from 20" in capsys.readouterr().err
 

@@ -1,0 +1,227 @@
+"""Calibration of a rig from views of a target: rounds of adjustment and of noise, then the covariance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from panoptic_ros.calibration.bundle import (
+    PLAIN,
+    Adjustment,
+    CameraStates,
+    Observations,
+    Targets,
+    adjust,
+    covariance_of,
+    residuals_of,
+    shift_variances,
+)
+from panoptic_ros.calibration.normal_equations import moved, twists_of
+from panoptic_ros.calibration.projection import OFFSET, POSE
+from panoptic_ros.calibration.rig_start import SCALE, CameraInput, RigStart, start_rig, with_best_targets
+from panoptic_ros.calibration.target_views import TargetView, image_speeds, in_order, observations_of
+from panoptic_ros.errors import CalibrationError
+
+Array = np.ndarray
+FIRST_NOISE_PX = 1.0  # px, noise of the pixels in the first round
+FIRST_JITTER_S = 0.02  # s, time shifts of views in the first round with shifts; webcams show 5 to 50 ms
+LEAST_JITTER_S = 1e-5  # s
+LEAST_NOISE_PX = 0.01  # px
+MOST_ROUNDS, SETTLED = 12, 0.01  # rounds of noise and adjustment; relative change of the noise that ends them
+OUTLIER = 4.0  # standard deviations per axis; a Gaussian has 6e-5 beyond
+MEDIAN_SQUARE = 2.0 * np.log(2.0)  # median of a chi-squared variable with two degrees of freedom
+MOVING_PX_S = 2.0  # px/s, median speed of a camera's points below which its clock is not estimated
+
+
+@dataclass(frozen=True, eq=False)
+class CalibratedRig:
+    """Result of a calibration.
+
+    Args:
+        inputs: Cameras, as given.
+        views: Views that were used; those of `seen` are sorted by instant, then camera.
+        seen: Observations without outliers.
+        state: All unknowns, in the frame of the first camera.
+        covariance: (N, N) of the free unknowns of the cameras. index: (C, CAMERA) their rows, -1 = fixed.
+        noise: (C,) px, standard deviation of the pixels per axis.
+        links: Instants that link each pair of cameras.
+        outliers: (C,) number of points that were left out.
+    """
+
+    inputs: tuple[CameraInput, ...]
+    views: tuple[TargetView, ...]
+    seen: Observations
+    state: Adjustment
+    covariance: Array
+    index: Array
+    noise: Array
+    links: dict[tuple[int, int], int]
+    outliers: Array
+
+    def sd(self, camera: int, unknowns: slice) -> Array:
+        """Return the standard deviations of unknowns of a camera; 0 where they are fixed."""
+        rows = self.index[camera, unknowns]
+        variances = np.diag(self.covariance)[np.maximum(rows, 0)]
+        return np.where(rows >= 0, np.sqrt(np.maximum(variances, 0.0)), 0.0)
+
+
+def calibrate_rig(
+    cameras: Sequence[CameraInput], views: Sequence[TargetView], points: Array, clocks: bool = True
+) -> CalibratedRig:
+    """Return the calibration of cameras from views of a target with known points.
+
+    Args:
+        views: Views of all cameras; instants are any integers.
+        points: (N, 3) m, points of the target.
+        clocks: Estimate a clock offset per camera and a time shift per view from the image velocity.
+
+    Raises:
+        CalibrationError: if the views do not determine the calibration.
+    """
+    start = start_rig(cameras, views, points)
+    noise = np.full(len(cameras), FIRST_NOISE_PX)
+    seen = observations_of(start.views, points, noise)
+    state = _settled(seen, start)
+    ordered = [start.views[k] for k in in_order(start.views)]
+    if clocks:
+        state = replace(state, cameras=_with_clocks(seen, _speeds(ordered, seen, state), state.cameras))
+    for _ in range(MOST_ROUNDS):
+        before, noise = noise, _robust_noise(seen, state, len(cameras))
+        seen = seen._replace(variances=(noise**2)[seen.cameras[seen.views]])
+        if clocks:
+            seen = seen._replace(twists=_twists(seen, _speeds(ordered, seen, state), state))
+        state = adjust(seen, state, SCALE)
+        if clocks:
+            seen, state = _recentred(seen, _with_jitter(seen, state))
+        if (np.abs(noise / before - 1.0) < SETTLED).all():
+            break
+    good = ((residuals_of(seen, state) ** 2) / seen.variances[:, None] < OUTLIER**2).all(axis=1)
+    outliers = np.bincount(seen.cameras[seen.views][~good], minlength=len(cameras))
+    seen = _kept(seen, good)
+    state = adjust(seen, state, PLAIN)
+    noise = _plain_noise(seen, state, len(cameras))
+    seen = seen._replace(variances=(noise**2)[seen.cameras[seen.views]])
+    state = adjust(seen, state, PLAIN)
+    try:
+        covariance, index = covariance_of(seen, state)
+    except np.linalg.LinAlgError:
+        raise CalibrationError(
+            "the views of the board do not determine the cameras; show it in more places and tilts"
+        ) from None
+    return CalibratedRig(
+        tuple(cameras), tuple(start.views), seen, state, covariance, index, noise, start.links, outliers
+    )
+
+
+def _settled(seen: Observations, start: RigStart) -> Adjustment:
+    """Return the first adjustment, after targets with mirrored poses are corrected."""
+    state = adjust(seen, start.state, SCALE)
+    again = with_best_targets(seen, state, start.candidates)
+    if again.targets is state.targets:
+        return state
+    return adjust(seen, again, SCALE)
+
+
+def _with_clocks(seen: Observations, speeds: Array, cameras: CameraStates) -> CameraStates:
+    """Return cameras with free clock offsets, but for the first, and with time shifts of views.
+
+    Cameras in which the target does not move keep their clock: nothing determines it.
+    """
+    speed = np.linalg.norm(speeds, axis=1)
+    own = seen.cameras[seen.views]
+    moving = np.array([np.median(speed[own == c]) > MOVING_PX_S for c in range(len(cameras))])
+    free = cameras.free.copy()
+    free[1:, OFFSET] = moving[1:]
+    return replace(cameras, free=free, jitter=np.where(moving, FIRST_JITTER_S, 0.0))
+
+
+def _lags(seen: Observations, state: Adjustment) -> Array:
+    """Return the time (V,) s of each view after the instant of its target."""
+    lags: Array = seen.delays + state.cameras.offsets[seen.cameras] + state.shifts
+    return lags
+
+
+def _speeds(ordered: Sequence[TargetView], seen: Observations, state: Adjustment) -> Array:
+    """Return the image velocities (M, 2) px/s at the estimated times of the views, which are in order."""
+    late = state.cameras.offsets[seen.cameras] + state.shifts
+    return np.concatenate(image_speeds(ordered, np.array([view.stamp_s for view in ordered]) + late))
+
+
+def _recentred(seen: Observations, state: Adjustment) -> tuple[Observations, Adjustment]:
+    """Return the same state with the instant of each target at the mean time of its views.
+
+    Targets move along straight lines and at constant rates between their views, which holds for short times.
+    """
+    lags = _lags(seen, state)
+    count = np.bincount(seen.targets)
+    means = np.bincount(seen.targets, weights=lags) / count
+    turns, moves = moved(state.targets.rotations, state.targets.translations, seen.twists * means[:, None])
+    seen = seen._replace(delays=seen.delays - means[seen.targets])
+    return seen, replace(state, targets=Targets(turns, moves))
+
+
+def _twists(seen: Observations, speeds: Array, state: Adjustment) -> Array:
+    """Return the motion (B, 6) of each target, see `Observations`."""
+    cameras = state.cameras
+    twists: Array = twists_of(
+        seen,
+        speeds,
+        cameras.lenses,
+        cameras.fisheye,
+        cameras.rotations,
+        cameras.translations,
+        state.targets.rotations,
+        state.targets.translations,
+    )
+    return twists
+
+
+def _with_jitter(seen: Observations, state: Adjustment) -> Adjustment:
+    """Return the state with the standard deviation of the shifts of each camera, by MacKay's rule.
+
+    Views that say nothing about their shift, such as single views of an instant, do not count.
+    """
+    cameras, own = state.cameras, seen.cameras
+    known = 1.0 - shift_variances(seen, state, SCALE) / np.maximum(cameras.jitter, LEAST_JITTER_S)[own] ** 2
+    count = np.bincount(own, weights=np.maximum(known, 0.0), minlength=len(cameras))
+    squares = np.bincount(own, weights=state.shifts**2, minlength=len(cameras))
+    found = np.sqrt(squares / np.maximum(count, 1.0))
+    found = np.where(cameras.jitter > 0.0, np.maximum(found, LEAST_JITTER_S), 0.0)
+    return replace(state, cameras=replace(cameras, jitter=found))
+
+
+def _freedom(seen: Observations, state: Adjustment) -> float:
+    """Return the share of the residuals that the unknowns do not explain."""
+    known = 2 * len(seen.pixels)
+    unknown = int(state.cameras.free.sum()) + POSE * (len(seen.firsts) - 1)
+    return max(1.0 - unknown / known, 0.1)
+
+
+def _robust_noise(seen: Observations, state: Adjustment, cameras: int) -> Array:
+    """Return the noise (C,) px per axis from the median of the squared residuals of each camera."""
+    squares, own = (residuals_of(seen, state) ** 2).sum(axis=1), seen.cameras[seen.views]
+    medians = np.array([np.median(squares[own == c]) for c in range(cameras)])
+    noise: Array = np.maximum(np.sqrt(medians / (MEDIAN_SQUARE * _freedom(seen, state))), LEAST_NOISE_PX)
+    return noise
+
+
+def _plain_noise(seen: Observations, state: Adjustment, cameras: int) -> Array:
+    """Return the noise (C,) px per axis from the mean of the squared residuals of each camera."""
+    squares, own = (residuals_of(seen, state) ** 2).sum(axis=1), seen.cameras[seen.views]
+    means = np.array([squares[own == c].mean() for c in range(cameras)])
+    noise: Array = np.maximum(np.sqrt(0.5 * means / _freedom(seen, state)), LEAST_NOISE_PX)
+    return noise
+
+
+def _kept(seen: Observations, good: Array) -> Observations:
+    """Return the observations without outliers; a view may be left without points."""
+    sizes = np.add.reduceat(good.astype(np.int64), seen.starts[:-1])
+    return seen._replace(
+        starts=np.concatenate([[0], np.cumsum(sizes)]),
+        numbers=seen.numbers[good],
+        points=seen.points[good],
+        pixels=seen.pixels[good],
+        variances=seen.variances[good],
+    )

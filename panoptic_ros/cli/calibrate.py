@@ -1,0 +1,101 @@
+"""`panoptic calibrate`: a rig from recordings of a board, and the print of a board."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from panoptic_ros.errors import UsageError
+from panoptic_ros.running.arguments import output_file, output_folder, within
+
+PRINT = "print"  # first argument that prints a target; a folder of this name is ./print
+BOARD = "charuco:5x7:36mm"  # board that is printed by default: it fits A4 and US letter paper
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument(
+        "folder",
+        metavar="FOLDER",
+        help="folder with one video or folder of images per camera; `print board` writes the board as PDF",
+    )
+    parser.add_argument("what", nargs="?", metavar="board", help=argparse.SUPPRESS)
+    parser.add_argument(
+        "--board",
+        default=BOARD,
+        metavar="BOARD",
+        help="board, or a file that describes one. charuco:COLUMNSxROWS:SIZE counts squares, "
+        "checkerboard:8x6:25mm inner corners, aprilgrid:6x6:25mm tags. Markers or gaps of another size: "
+        f"charuco:5x7:40mm/30mm; other markers: charuco:5x7:40mm:DICT_5X5_100. Default {BOARD}",
+    )
+    parser.add_argument(
+        "--lens",
+        choices=("brown", "rational", "fisheye"),
+        default="brown",
+        help="lens model: 5 terms, 8 terms, or a fisheye with 4; default brown",
+    )
+    parser.add_argument(
+        "--intrinsics", type=Path, metavar="RIG", help="calibration with known intrinsics of some cameras"
+    )
+    parser.add_argument(
+        "--floor",
+        type=within(float, 0.0, 1e6),
+        metavar="SECONDS",
+        help="time after the first image at which the board lies on the floor, face up: it becomes z = 0",
+    )
+    parser.add_argument(
+        "--synchronous", action="store_true", help="cameras are synchronous: estimate no clock offsets"
+    )
+    parser.add_argument("--paper", help="paper of `print board`, e.g. a4; default: the smallest that fits")
+    parser.add_argument(
+        "--out",
+        required=True,
+        metavar="DIR",
+        help="folder for rig.json, clocks.json and report.html; file board.pdf of `print board`",
+    )
+    parser.add_argument("--quiet", action="store_true", help="print no summary")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Calibrate the cameras of a folder, or print a board."""
+    from panoptic_ros.running.calibration.recorded_board import board_of  # imported here to keep --help fast
+
+    out = output_file(args.out) if args.folder == PRINT else output_folder(args.out)
+    board = board_of(args.board)
+    if args.folder == PRINT:
+        from panoptic_ros.view.board_print import write_board
+
+        if args.what != "board":
+            raise UsageError(
+                f"`panoptic calibrate print` prints a board; give `print board --out {args.out}`"
+            )
+        paper = write_board(out, board, args.board, args.paper or "")
+        print(f"{out}: {args.board} on {paper} paper; print it at 100 % and measure it")
+        return 0
+    if args.what is not None:
+        raise UsageError(f"{args.what}: one folder is expected; options begin with --")
+    from panoptic_ros.running.calibration.calibrate import calibrate_folder
+    from panoptic_ros.running.calibration.results import write_calibration
+    from panoptic_ros.running.plans.rig_files import read_rig_at
+    from panoptic_ros.view.calibration_report import quality_table
+    from panoptic_ros.view.progress import PassBar
+
+    known = read_rig_at(args.intrinsics) if args.intrinsics else None
+    with PassBar("images") as bar:
+        found = calibrate_folder(
+            Path(args.folder),
+            board,
+            bar.show,
+            lens=args.lens,
+            known=known,
+            floor_s=args.floor,
+            synchronous=args.synchronous,
+        )
+    files = write_calibration(out, found)
+    for line in (*found.notices, *found.doubts):
+        print(f"warning: {line}", file=sys.stderr)
+    if not args.quiet:
+        print("\n".join(quality_table(found.quality)))
+        print(f"{out}: {', '.join(files)}")
+    return 0

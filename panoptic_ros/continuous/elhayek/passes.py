@@ -1,0 +1,166 @@
+"""Pass that gives the motion of all people by the method of Elhayek et al. 2012."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from panoptic_ros.continuous.config import ContinuousConfig
+from panoptic_ros.continuous.elhayek.body import first_poses, misfits_of, skeleton_from, usable
+from panoptic_ros.continuous.elhayek.body_blobs import TimedBlobs, body_blobs, coloured
+from panoptic_ros.continuous.elhayek.curve import person_curve
+from panoptic_ros.continuous.elhayek.image_term import ImageMeasurements
+from panoptic_ros.continuous.elhayek.keypoints import KeypointMeasurements, Keypoints
+from panoptic_ros.continuous.elhayek.polynomials import FRAMES, segments_over
+from panoptic_ros.continuous.elhayek.quad_tree import image_blobs
+from panoptic_ros.continuous.elhayek.skeleton import skeleton_of
+from panoptic_ros.continuous.elhayek.tracking import Measurements, track
+from panoptic_ros.continuous.motion_result import ContinuousMotion
+from panoptic_ros.continuous.passes import UNKNOWN_PERIOD_S, ContinuousPass
+from panoptic_ros.continuous.person import PersonCurve
+from panoptic_ros.domain.body_shape import BodyShape
+from panoptic_ros.domain.rig_arrays import RigArrays
+from panoptic_ros.domain.segments import SegmentModel
+from panoptic_ros.domain.subjects import Subject
+from panoptic_ros.errors import DataError, UsageError
+from panoptic_ros.stage import Progress, Recording, StageContext, part_of
+
+Array = np.ndarray
+# Greatest degree of the polynomials; the paper says "low". Error of ankles above 8 m/s in a run: 31 mm with
+# degree 5, 53 mm with degree 4.
+DEGREE = 5
+IMAGE_DEGREE = 3  # images say less: with degree 4, legs that pass change places
+# Views of a segment per coefficient of a coordinate: twice as many equations as unknowns of a point. With
+# degree 4 instead, 11 views per segment have errors of 12 mm, with this degree 7 mm.
+VIEWS = 3.0
+FOLLOWED = 0.2  # share of the run time until people are followed
+BODY_INSTANTS = 400  # number of instants of the joint curves among which the skeleton is fitted
+LONGEST_PERIOD_S = 1.0  # s, longest period of a camera that sets the length of segments
+
+
+class ElhayekPass:
+    """Pass (`stage.Pass`): people and known poses from the joint curves, then segments of polynomials.
+
+    The context holds the segment model as extra "segments", and with images its shape as "body_shape".
+
+    Args:
+        subject: person whose skeleton is known. The others get the default skeleton in their own size.
+        images: fit the records "image" of the recording instead of 2D joints. People, their skeletons and
+            their pose in the first segment come from 2D joints in any case.
+
+    Raises:
+        UsageError: as `ContinuousPass`, or if the skeleton of segments lacks a segment.
+    """
+
+    def __init__(
+        self,
+        config: ContinuousConfig,
+        context: StageContext,
+        subject: Subject | None = None,
+        images: bool = False,
+    ):
+        self._names, self._subject = context.skeleton.joint_names, subject
+        self._curves = ContinuousPass(config, context)
+        self._arrays = RigArrays.of(context.rig)
+        self._model: SegmentModel = context.extras["segments"]
+        self._shape: BodyShape | None = context.extras["body_shape"] if images else None
+
+    def run(self, recording: Recording, progress: Progress) -> ContinuousMotion:
+        """Return the motion of all people.
+
+        Raises:
+            DataError: if there is no view, or a person whose shoulders and hips are never seen together.
+            UsageError: if it is not clear who the subject is.
+        """
+        motion = self._curves.run(recording, part_of(progress, 0.0, FOLLOWED))
+        length, designated = FRAMES * slowest_period(motion.people), self._designated(motion.people)
+        images = self._images(recording, motion) if self._shape else []
+        share, people = part_of(progress, FOLLOWED, 1.0), []
+        for k, person in enumerate(motion.people):
+            own = part_of(share, k / len(motion.people), (k + 1) / len(motion.people))
+            subject = self._subject if k == designated else None
+            people.append(self._person(person, length, subject, images, own))
+        progress(1.0, "fitting segments")
+        return replace(motion, people=tuple(people))
+
+    def _designated(self, people: Sequence[PersonCurve]) -> int:
+        """Return the index of the subject: the only person, or the nearest one to its start; -1 = none."""
+        if self._subject is None or not people:
+            return -1
+        if self._subject.start is None:
+            if len(people) > 1:
+                raise UsageError(f"{len(people)} people are there; state the subject's start in its file")
+            return 0
+        places = [np.nanmedian(person.at(person.seen[:1])[0], axis=0) for person in people]
+        return int(np.argmin(np.linalg.norm(np.array(places) - self._subject.start, axis=1)))
+
+    def _images(self, recording: Recording, motion: ContinuousMotion) -> list[TimedBlobs]:
+        """Return the blobs of all images, ordered by time."""
+        offsets, drifts, lines = motion.clocks.values
+        found = []
+        for frame in recording.records("image"):
+            camera = self._arrays.index[frame.camera]
+            stamp, middle = 1e-9 * (frame.stamp_ns - motion.reference_ns), 0.5 * frame.image.shape[0]
+            time = stamp + offsets[camera] + drifts[camera] * stamp + lines[camera] * middle
+            found.append(TimedBlobs(time, camera, image_blobs(frame.image, self._arrays.cameras[camera])))
+        return sorted(found, key=lambda image: (image.time, image.camera))
+
+    def _person(
+        self,
+        person: PersonCurve,
+        length: float,
+        subject: Subject | None,
+        images: Sequence[TimedBlobs],
+        progress: Progress,
+    ) -> PersonCurve:
+        names, arrays = self._names, self._arrays
+        segments = segments_over(float(person.seen[0]), float(person.seen[-1]), length)
+        instants = np.linspace(person.seen[0], person.seen[-1], BODY_INSTANTS)
+        good = instants[usable(person.at(instants), names)]
+        if not len(good):
+            raise DataError(f"no view shows shoulders and hips of person {person.id}; the preset needs them")
+        skeleton = (
+            skeleton_of(subject.body, names)
+            if subject
+            else skeleton_from(self._model, names, person.at(good))
+        )
+
+        def known(time: float) -> Array:
+            """Return the pose (D,) of the joint curves at the usable instant nearest to a time (s)."""
+            nearest = good[np.argmin(np.abs(good - time))]
+            pose: Array = first_poses(skeleton, names, person.at(np.array([nearest])))[0]
+            return pose
+
+        counts = np.diff(np.searchsorted(person.seen, segments), axis=1)
+        degree = int(
+            np.clip(np.median(counts) // VIEWS - 1, 1, DEGREE if self._shape is None else IMAGE_DEGREE)
+        )
+        measured: Measurements
+        if self._shape is None:
+            measured = KeypointMeasurements(Keypoints.of(person, arrays), skeleton)
+        else:
+            early = [image for image in images if segments[0, 0] <= image.time <= segments[0, 1]]
+            joints = person.at(np.array([image.time for image in early]))
+            shown = usable(joints, names)
+            views = [image for image, good in zip(early, shown) if good]
+            poses = first_poses(skeleton, names, joints[shown])
+            body = coloured(body_blobs(skeleton, self._shape), skeleton, poses, views, arrays)
+            if not len(body.radii):
+                raise DataError(f"no images show person {person.id} where it is first seen")
+            measured = ImageMeasurements(images, body, skeleton, arrays)
+        motion, covariances = track(
+            skeleton, segments, known, measured, degree, lambda done: progress(done, "fitting segments")
+        )
+        misfits = misfits_of(skeleton, names, person.at(good))
+        return person_curve(person, skeleton, motion, covariances, misfits)
+
+
+def slowest_period(people: Sequence[PersonCurve]) -> float:
+    """Return the time (s) between two frames of the slowest camera that shows a person."""
+    periods = [0.0]
+    for rays in (person.rays for person in people):
+        stamps = [np.unique(rays.stamps[rays.cameras == camera]) for camera in np.unique(rays.cameras)]
+        periods += [float(np.median(np.diff(own))) for own in stamps if len(own) > 1]
+    return max(period for period in periods if period <= LONGEST_PERIOD_S) or UNKNOWN_PERIOD_S

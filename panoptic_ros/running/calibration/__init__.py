@@ -1,0 +1,1 @@
+"""Calibration of cameras from recordings of a target."""

@@ -1,0 +1,163 @@
+"""Calibrate the cameras of a folder with a board, and write the rig, its clocks and the report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from panoptic_ros.calibration.boards import Board
+from panoptic_ros.calibration.lens_start import LensModel
+from panoptic_ros.calibration.projection import LENS, POSE
+from panoptic_ros.calibration.quality import Quality, doubts, quality_of, refusals
+from panoptic_ros.calibration.rig_start import CameraInput
+from panoptic_ros.calibration.solve import CalibratedRig, calibrate_rig
+from panoptic_ros.calibration.world import floor_from_images, floor_from_target, rig_in_world
+from panoptic_ros.domain import Camera, Rig
+from panoptic_ros.domain.camera import POSE_AND_MATRIX
+from panoptic_ros.errors import CalibrationError, UsageError
+from panoptic_ros.running.calibration.recorded_board import BoardRecording, read_board_views
+from panoptic_ros.stage import Progress
+
+Array = np.ndarray
+# standard deviations of given intrinsics whose file states no covariance: relative, px, without unit
+KNOWN_FOCAL, KNOWN_CENTRE_PX, KNOWN_TERM = 0.01, 5.0, 0.05
+MODELS = {
+    "brown": LensModel(),
+    "rational": LensModel(terms=8),
+    "fisheye": LensModel(fisheye=True, terms=4),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class BoardCalibration:
+    """Calibration from a board.
+
+    Args:
+        rig: Cameras in the world.
+        solved: Solution in the frame of the first camera.
+        quality: Its quality.
+        doubts: Lines about limits that are exceeded.
+        notices: Lines about the recording and the world frame.
+    """
+
+    rig: Rig
+    board: Board
+    recording: BoardRecording
+    solved: CalibratedRig
+    quality: Quality
+    doubts: tuple[str, ...]
+    notices: tuple[str, ...]
+
+
+def calibrate_folder(
+    folder: Path,
+    board: Board,
+    progress: Progress,
+    *,
+    lens: str = "brown",
+    known: Rig | None = None,
+    floor_s: float | None = None,
+    synchronous: bool = False,
+) -> BoardCalibration:
+    """Return the calibration of the cameras of a folder.
+
+    Args:
+        lens: A name of `MODELS`, for cameras whose intrinsics are not known.
+        known: Cameras with known intrinsics.
+        floor_s: S since the first image, at which the board lies on the floor; None = never.
+        synchronous: The cameras are synchronous; clock offsets are not estimated.
+
+    Raises:
+        UserError: if the recording does not give a calibration.
+    """
+    recording = read_board_views(folder, board, progress)
+    seen = sorted({view.camera for view in recording.views})
+    blind = [name for c, name in enumerate(recording.names) if c not in seen]
+    if blind:
+        names, more = ", ".join(blind), len(blind) > 1
+        raise CalibrationError(
+            f"camera{'s' * more} {names}: no image shows the board; show it, or move the files of the "
+            f"camera{'s' * more} away"
+        )
+    inputs = [_input(name, size, MODELS[lens], known) for name, size in zip(recording.names, recording.sizes)]
+    solved = calibrate_rig(inputs, recording.views, board.points, clocks=not synchronous)
+    quality = quality_of(solved)
+    if reasons := refusals(quality):
+        raise CalibrationError(f"the recording does not determine the cameras: {'; '.join(reasons)}")
+    notices = list(recording.notices)
+    if floor_s is None:
+        world = floor_from_images(solved)
+        notices.append(
+            "up is the mean of the images' up directions and z = 0 is the lowest point of the board; for a "
+            "real floor, lay the board on it and give the time with --floor SECONDS"
+        )
+    else:
+        world = floor_from_target(solved, _nearest_target(solved, floor_s))
+    return BoardCalibration(
+        rig_in_world(solved, world),
+        board,
+        recording,
+        solved,
+        quality,
+        tuple(doubts(quality)),
+        tuple(notices),
+    )
+
+
+def _input(name: str, size: tuple[int, int], model: LensModel, known: Rig | None) -> CameraInput:
+    if known is None or name not in known.names:
+        return CameraInput(name, size, model)
+    camera = known.camera(name)
+    if camera.image_size != size:
+        raise CalibrationError(
+            f"camera {name}: images are {size[0]} x {size[1]}, its given intrinsics are for "
+            f"{camera.image_size[0]} x {camera.image_size[1]}; give intrinsics for this size"
+        )
+    return CameraInput(name, size, _model_of(camera), _prior_of(camera))
+
+
+def _model_of(camera: Camera) -> LensModel:
+    terms = len(camera.intrinsics.distortion)
+    if camera.intrinsics.lens == "fisheye":
+        return MODELS["fisheye"]
+    if terms > 8 or camera.intrinsics.matrix[0, 1] != 0.0:
+        raise CalibrationError(
+            f"camera {camera.name}: given intrinsics have {terms} terms or a skew; at most 8 terms are "
+            "calibrated"
+        )
+    return MODELS["rational" if terms > 5 else "brown"]
+
+
+def _prior_of(camera: Camera) -> tuple[Array, Array]:
+    """Return the lens (12,) and information (12, 12) of a camera with known intrinsics."""
+    matrix, terms = camera.intrinsics.matrix, camera.intrinsics.distortion
+    lens = np.zeros(LENS)
+    lens[:4] = matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
+    lens[4 : 4 + len(terms)] = terms
+    count = 4 + len(terms)
+    if camera.covariance is not None:
+        own = camera.covariance[POSE : POSE_AND_MATRIX + len(terms), POSE : POSE_AND_MATRIX + len(terms)]
+        variances = np.diag(own)
+    else:
+        variances = np.zeros(count)
+    if not (variances > 0.0).all():
+        sd = np.concatenate([[KNOWN_FOCAL * lens[0]] * 2, [KNOWN_CENTRE_PX] * 2, [KNOWN_TERM] * len(terms)])
+        own = np.diag(sd**2)
+    information = np.zeros((LENS, LENS))
+    information[:count, :count] = np.linalg.inv(own)
+    return lens, information
+
+
+def _nearest_target(solved: CalibratedRig, floor_s: float) -> int:
+    stamps = np.full(len(solved.state.targets.rotations), np.inf)
+    for view in solved.views:
+        stamps[view.instant] = min(stamps[view.instant], view.stamp_s)
+    nearest = int(np.argmin(np.abs(stamps - floor_s)))
+    if abs(stamps[nearest] - floor_s) > 1.0:
+        raise UsageError(
+            f"--floor {floor_s:g}: the board is not seen within 1 s of it; the nearest view is at "
+            f"{stamps[nearest]:.2f} s"
+        )
+    return nearest

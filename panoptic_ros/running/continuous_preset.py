@@ -1,0 +1,85 @@
+"""Turns 2D poses, and images if there are any, into motion by the method of Elhayek et al. 2012."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from functools import partial
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from panoptic_ros.capture.folder import open_capture_folder
+from panoptic_ros.continuous.elhayek.passes import ElhayekPass
+from panoptic_ros.continuous.motion_result import ContinuousMotion
+from panoptic_ros.domain import ViewFrame
+from panoptic_ros.errors import UsageError
+from panoptic_ros.io.body_models import read_body_model, read_body_shape
+from panoptic_ros.io.kinematic_files import read_subject
+from panoptic_ros.running.continuous import ContinuousTask
+from panoptic_ros.stage import Progress, Recording, StageContext
+
+PRESET = "elhayek-2012"
+
+
+class RecordingWithImages:
+    """Recording (`stage.Recording`) with the images of cameras as records "image", one at a time in memory.
+
+    Args:
+        recording: everything else.
+        frames: returns the images, camera by camera.
+    """
+
+    def __init__(self, recording: Recording, frames: Callable[[], Iterable[ViewFrame]]):
+        self._recording, self._frames = recording, frames
+
+    def records(
+        self, topic: str, scope: str = "", begin_ns: int | None = None, end_ns: int | None = None
+    ) -> Iterable[Any]:
+        """Return the records of a topic; all images, whatever the limits."""
+        return self._frames() if topic == "image" else self._recording.records(topic, scope, begin_ns, end_ns)
+
+
+def check_preset(options: Mapping[str, Any]) -> None:
+    """Check that no option of `panoptic continuous` lacks the preset that it needs or contradicts another.
+
+    Raises:
+        UsageError: naming the option.
+    """
+    if options["subject"] and not options["preset"]:
+        raise UsageError(
+            f"--subject needs --preset {PRESET}: the curves of joints use no skeleton and learn bone lengths"
+        )
+    if options["images"] and not options["preset"]:
+        raise UsageError(f"--images needs --preset {PRESET}: the curves of joints use 2D people alone")
+    if options["images"] and options["offsets"]:
+        raise UsageError("--images does not go with --offsets, which corrects the timestamps of 2D people")
+
+
+def preset_context(context: StageContext) -> StageContext:
+    """Return the context with the default skeleton of segments and its shape."""
+    model = read_body_model()
+    extras = {**context.extras, "segments": model, "body_shape": read_body_shape(model)}
+    return replace(context, extras=extras)
+
+
+def solve_preset(
+    task: ContinuousTask, subject: Path | None, images: Path | None, progress: Progress
+) -> ContinuousMotion:
+    """Return the motion of all people by the method of Elhayek et al. 2012.
+
+    Args:
+        subject: file with the skeleton of a person.
+        images: capture folder whose images are fitted instead of the 2D joints.
+
+    Raises:
+        UserError: if the rig, the recording, the subject or the images cannot be used.
+    """
+    context = preset_context(task.context)
+    known = None if subject is None else read_subject(subject, context.extras["segments"])
+    work = ElhayekPass(task.config, context, known, images is not None)
+    if images is None:
+        return work.run(task.recording, progress)
+    with open_capture_folder(images, rig=task.context.rig) as folder:
+        frames = partial(chain.from_iterable, folder.sources)
+        return work.run(RecordingWithImages(task.recording, frames), progress)

@@ -1,0 +1,161 @@
+"""`panoptic calibrate`: from images of a board to a rig with its report, and boards to print."""
+
+import json
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from panoptic_ros.calibration.boards import parse_board
+from panoptic_ros.cli.main import main
+from panoptic_ros.domain import Rig
+from panoptic_ros.geometry import Rigid
+from panoptic_ros.geometry.rotations import rotations_of
+from panoptic_ros.io.clock_files import read_clocks
+from panoptic_ros.io.rigs import read_rig, write_rig
+from test.support.board_images import board_poses, small_rig, write_session
+
+BOARD = "charuco:5x4:60mm"
+IMAGES = 24
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("session")
+    rig = write_session(folder, parse_board(BOARD), board_poses(IMAGES))
+    return folder, rig
+
+
+def distances(rig):
+    centres = np.stack([camera.cam_from_world.inverse().translation for camera in rig.cameras])
+    return np.linalg.norm(centres[:, None] - centres[None], axis=2)
+
+
+def test_images_of_a_board_give_a_rig_with_its_report(session, tmp_path, capsys):
+    folder, truth = session
+    assert (
+        main(["calibrate", str(folder), "--board", BOARD, "--synchronous", "--out", str(tmp_path / "o")]) == 0
+    )
+    out, err = capsys.readouterr()
+    assert "predicted error where the board was shown" in out and "Traceback" not in err
+    found = read_rig(tmp_path / "o" / "rig.json")
+    assert found.names == truth.names and all(camera.covariance is not None for camera in found.cameras)
+    np.testing.assert_allclose(distances(found), distances(truth), atol=0.012)
+    for own, true in zip(found.cameras, truth.cameras):
+        assert own.intrinsics.matrix[0, 0] == pytest.approx(true.intrinsics.matrix[0, 0], rel=0.015)
+    page = (tmp_path / "o" / "report.html").read_text()
+    assert all(name in page and (tmp_path / "o" / f"{name}.png").exists() for name in truth.names)
+    assert not (tmp_path / "o" / "clocks.json").exists()  # no clock is estimated with --synchronous
+
+
+def test_clocks_of_cameras_are_written(tmp_path, capsys):
+    along = np.linspace(0.0, 1.0, 40)
+    turns = rotations_of(
+        np.stack([0.7 * np.sin(9 * along), 0.7 * np.cos(7 * along), 0.4 * np.sin(5 * along)], 1)
+    )
+    places = np.stack([0.3 * np.sin(8 * along), 0.2 * np.cos(6 * along), 1.4 + 0.3 * np.sin(5 * along)], 1)
+    moving = [Rigid(turn, place) for turn, place in zip(turns, places)]
+    rig = write_session(tmp_path / "s", parse_board(BOARD), moving, small_rig(2))
+    rows = [
+        f"{c.name},{n},{int(1e9 + n * 1e8 + k * 3e7)}" for k, c in enumerate(rig.cameras) for n in range(40)
+    ]
+    (tmp_path / "s" / "timestamps.csv").write_text("\n".join(["camera,frame,stamp_ns", *rows]) + "\n")
+    assert main(["calibrate", str(tmp_path / "s"), "--board", BOARD, "--out", str(tmp_path / "o")]) == 0
+    clocks = read_clocks(tmp_path / "o" / "clocks.json")
+    assert clocks["cam1"].offset_s - clocks["cam0"].offset_s == pytest.approx(-0.03, abs=0.01)
+
+
+def test_the_floor_is_where_the_board_lies(session, tmp_path):
+    folder, truth = session
+    options = ["--board", BOARD, "--synchronous", "--floor", "0", "--quiet"]
+    assert main(["calibrate", str(folder), *options, "--out", str(tmp_path / "o")]) == 0
+    found = read_rig(tmp_path / "o" / "rig.json")
+    pose = board_poses(IMAGES)[0]  # the first image is that of the floor
+    for own, true in zip(found.cameras, truth.cameras):
+        height = pose.inverse().apply(true.cam_from_world.inverse().translation)[2]
+        assert own.cam_from_world.inverse().translation[2] == pytest.approx(abs(height), abs=0.03)
+
+
+def test_known_intrinsics_are_kept(session, tmp_path):
+    folder, truth = session
+    exact = np.diag([1.0] * 6 + [0.1**2] * 4 + [1e-4**2] * 5)
+    known = Rig(tuple(replace(camera, covariance=exact) for camera in truth.cameras))
+    write_rig(tmp_path / "known.json", known)
+    options = ["--board", BOARD, "--synchronous", "--intrinsics", str(tmp_path / "known.json"), "--quiet"]
+    assert main(["calibrate", str(folder), *options, "--out", str(tmp_path / "o")]) == 0
+    found = read_rig(tmp_path / "o" / "rig.json")
+    np.testing.assert_allclose(distances(found), distances(truth), atol=0.002)
+
+
+def refused(capsys, *words):
+    assert main(["calibrate", *map(str, words)]) == 2
+    err = capsys.readouterr().err
+    assert len(err.strip().splitlines()) == 1, err
+    return err
+
+
+def test_wrong_input_is_named_in_one_line(session, tmp_path, capsys):
+    folder, _ = session
+    out = tmp_path / "o"
+    assert "does not exist" in refused(capsys, tmp_path / "none", "--board", BOARD, "--out", out)
+    (tmp_path / "empty").mkdir()
+    assert "has no videos" in refused(capsys, tmp_path / "empty", "--board", BOARD, "--out", out)
+    assert "is not understood" in refused(capsys, folder, "--board", "charuco", "--out", out)
+    said = refused(capsys, folder, "--board", "charuco:8x9:60mm:DICT_7X7_250", "--out", out)
+    assert "images shows the board charuco 8x9 with markers DICT_7X7_250; check --board" in said
+    said = refused(capsys, folder, "--board", BOARD, "--floor", "9", "--synchronous", "--out", out)
+    assert "the board is not seen within 1 s of it" in said
+    assert not out.exists()
+
+
+def test_a_camera_that_never_sees_the_board_is_named(tmp_path, capsys):
+    write_session(tmp_path / "s", parse_board(BOARD), board_poses(6), small_rig(2))
+    (tmp_path / "s" / "cam7").mkdir()
+    cv2.imwrite(str(tmp_path / "s" / "cam7" / "0000.png"), np.full((480, 640), 99, np.uint8))
+    assert "camera cam7: no image shows the board" in refused(
+        capsys, tmp_path / "s", "--board", BOARD, "--out", tmp_path / "o"
+    )
+
+
+def test_a_board_without_tilt_is_refused(tmp_path, capsys):
+    poses = board_poses(12)
+    flat = [type(pose)(np.eye(3), pose.translation * [1, 1, 0] + [0, 0, 1.5]) for pose in poses]
+    rig = small_rig(2)
+    same = [
+        type(camera)(camera.name, camera.image_size, camera.intrinsics, rig.cameras[0].cam_from_world)
+        for camera in rig.cameras
+    ]
+    apart = type(rig)((same[0], rig.cameras[1]))
+    write_session(tmp_path / "s", parse_board(BOARD), flat, apart)
+    code = main(
+        ["calibrate", str(tmp_path / "s"), "--board", BOARD, "--synchronous", "--out", str(tmp_path / "o")]
+    )
+    err = capsys.readouterr().err
+    assert "tilt" in err
+    assert code == 2 or "warning" in err
+
+
+def test_a_board_is_printed_to_scale(tmp_path, capsys):
+    assert main(["calibrate", "print", "board", "--board", BOARD, "--out", str(tmp_path / "b.pdf")]) == 0
+    assert "on a3 paper" in capsys.readouterr().out
+    assert (tmp_path / "b.pdf").read_bytes().startswith(b"%PDF")
+    assert "written as .pdf" in refused(capsys, "print", "board", "--out", tmp_path / "b.png")
+    assert "does not fit paper a4" in refused(
+        capsys, "print", "board", "--board", BOARD, "--paper", "a4", "--out", tmp_path / "c.pdf"
+    )
+    assert "unknown paper b5" in refused(
+        capsys, "print", "board", "--paper", "b5", "--out", tmp_path / "c.pdf"
+    )
+    assert "prints a board" in refused(capsys, "print", "--out", tmp_path / "c.pdf")
+
+
+def test_board_files_of_other_programs_are_read(session, tmp_path):
+    folder, _ = session
+    (tmp_path / "charuco.toml").write_text(
+        'columns = 5\nrows = 4\ndictionary = "DICT_4X4_50"\n'
+        "aruco_scale = 0.75\nsquare_size_override_cm = 6.0\n"
+    )
+    options = ["--board", str(tmp_path / "charuco.toml"), "--synchronous", "--quiet"]
+    assert main(["calibrate", str(folder), *options, "--out", str(tmp_path / "o")]) == 0
+    assert json.loads((tmp_path / "o" / "rig.json").read_text())["cameras"]
