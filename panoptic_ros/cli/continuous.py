@@ -61,6 +61,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "later (0: prediction); default: the whole recording",
     )
     parser.add_argument(
+        "--capture-views",
+        type=within(int, 2, 1000),
+        metavar="N",
+        help="cameras whose fields of view must contain a person; with fewer, the person is a bystander; "
+        "default 3, or 2 where at most 3 cameras look at one place",
+    )
+    parser.add_argument(
         "--preset",
         choices=("elhayek-2012",),
         help="method of a paper: polynomials of joint angles in overlapping segments (Elhayek et al. 2012); "
@@ -77,13 +84,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="FOLDER",
         help="with --preset: capture folder whose images are fitted, as in the paper, instead of 2D joints",
-    )
-    parser.add_argument(
-        "--capture-views",
-        type=within(int, 2, 1000),
-        metavar="N",
-        help="cameras whose fields of view must contain a person; with fewer, the person is a bystander; "
-        "default 3, or 2 where at most 3 cameras look at one place",
     )
     parser.add_argument("--skeleton", default="auto", help="skeleton model; auto: that of the file's joints")
     parser.add_argument(
@@ -114,7 +114,6 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.running.continuous_online import check_online, solve_online
     from panoptic_ros.running.continuous_preset import check_preset, solve_preset
     from panoptic_ros.running.known_clocks import whole_clocks, with_saved_clocks
-    from panoptic_ros.solving.capture_space import CAPTURE_VIEWS
     from panoptic_ros.view.clock_lines import camera_time_lines
     from panoptic_ros.view.progress import PassBar
 
@@ -127,7 +126,7 @@ def run(args: argparse.Namespace) -> int:
         task = read_continuous_task(
             args.rig,
             args.detections,
-            (args.clocks, args.rolling_shutter, args.trusted_camera, args.capture_views or CAPTURE_VIEWS),
+            (args.clocks, args.rolling_shutter, args.trusted_camera, args.capture_views),
             args.skeleton,
             capture=args.capture,
             bags=args.bag,

@@ -56,7 +56,7 @@ class ContinuousTask:
 def read_continuous_task(
     rig: Path | None,
     detections: Path | None,
-    options: tuple[bool, bool, str, int] = (False, False, "", CAPTURE_VIEWS),
+    options: tuple[bool, bool, str, int | None] = (False, False, "", None),
     skeleton: str = AUTO,
     *,
     capture: Path | None = None,
@@ -67,13 +67,14 @@ def read_continuous_task(
 
     Args:
         rig: calibration; None = that of the capture or bag.
-        options: values of `ContinuousConfig`.
+        options: values of `ContinuousConfig`; None = usual number of `capture_views`.
         capture: folder with 2D people or images, or results of `panoptic run`. Images go through detection.
 
     Raises:
         UserError: on any input fault that the user can fix.
     """
-    task = _read_task(rig, detections, ContinuousConfig(*options), skeleton, capture, bags, progress)
+    config = ContinuousConfig(*options[:3], options[3] or CAPTURE_VIEWS)
+    task = _read_task(rig, detections, config, skeleton, capture, bags, progress)
     _check_unit(views_in_order(task.recording.records("detection_sets")))
     return task
 

@@ -92,6 +92,10 @@ def test_folder_file_and_bag_give_the_same_bytes(
         (["FOLDER", "--at", "FOLDER/none.csv"], "none.csv"),
         (["FOLDER", "--trusted-camera", "front"], "'front' is not in the rig; it has cam0"),
         (["FOLDER", "--skeleton", "octopus"], "octopus"),
+        (["FOLDER", "--capture-views", "1"], "'1' is not a whole number from 2"),
+        (["FOLDER", "--lag", "0.1", "--rate", "5000"], "--rate 5000 with --lag is above 1000 Hz"),
+        (["FOLDER", "--curves", "OUT"], "--out and --curves name the same file"),
+        (["FOLDER", "--curves", "x", "--clocks-out", "./x"], "--clocks-out and --curves name the same"),
         (["FOLDER", "--preset", "fast"], "'fast' (choose from 'elhayek-2012')"),
         (["FOLDER", "--subject", "FOLDER/rig.json"], "--subject needs --preset elhayek-2012"),
         (
@@ -105,10 +109,6 @@ def test_folder_file_and_bag_give_the_same_bytes(
             "--images does not go with --offsets",
         ),
         (["FOLDER", "--preset", "elhayek-2012", "--lag", "0.1"], "--lag does not go with --preset"),
-        (["FOLDER", "--capture-views", "1"], "'1' is not a whole number from 2"),
-        (["FOLDER", "--lag", "0.1", "--rate", "5000"], "--rate 5000 with --lag is above 1000 Hz"),
-        (["FOLDER", "--curves", "OUT"], "--out and --curves name the same file"),
-        (["FOLDER", "--curves", "x", "--clocks-out", "./x"], "--clocks-out and --curves name the same"),
     ],
 )
 def test_bad_options_are_one_line_and_exit_2(
@@ -284,7 +284,7 @@ def test_clocks_of_people_who_stand_are_not_observable(
 def test_a_full_disk_leaves_whole_files_only(
     folder: Path, tmp_path: Path, largest: int, whole: list[str]
 ) -> None:
-    """A limit on the size of files stands for the full disk."""
+    """The full disk is a limit on the size of files."""
 
     def limit() -> None:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)

@@ -1,4 +1,4 @@
-"""Bystanders beyond the space that a rig covers are told apart."""
+"""Bystanders stand beyond the space that a rig covers."""
 
 import captures
 import numpy as np

@@ -35,7 +35,8 @@ from panoptic_ros.study.study import Case, Column, Result, Row, Study
 Array = np.ndarray
 SCENE = "staggered"  # two people before eight cameras of 12.5 Hz
 WARM_S = 2.0  # s of a capture that loads the compiled kernels
-LAG_S, ONLINE_HZ, OUTPUT_HZ = 0.1, 50.0, 100.0  # of the online form; rate of the output of the pass
+LAG_S, ONLINE_HZ = 0.1, 50.0  # lag and rate of the online form
+OUTPUT_HZ = 100.0  # rate of the output of the pass
 ASK_EVERY = 10  # views from one requested instant to the next
 SECOND = 1_000_000_000
 
