@@ -22,9 +22,9 @@ INTERVAL_S = 0.02  # s between two measurements of a length
 LEAST_ERROR = 5e-4  # m, least standard deviation of a learnt length
 # m, spread of a distance beyond its noise: up to the first a pair is rigid, from the second on it is free
 RIGID, FREE = 6e-3, 5e-2
-# s, correlation time of a spread. Errors of real 2D poses last as long: identities count noise the same way
+# s, correlation time of a spread. Errors of real 2D poses last as long, so identities count noise that way
 CORRELATION_S = 0.2
-# s, that of simulated noise of a distance: errors of learnt lengths are 1.1 to 1.2 of their standard deviations
+# s, that of simulated noise: errors of learnt lengths are 1.1 to 1.2 of their standard deviations
 NOISE_S = 0.1
 LEAST_CERTAIN = 0.1  # m, greatest standard deviation of a distance from which a length is learnt
 STEPS = 2  # Gauss-Newton steps
