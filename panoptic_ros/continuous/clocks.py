@@ -187,9 +187,8 @@ def _linearise(problems: Sequence[CurveProblem], values: Array, cauchy: float) -
     Noise and stiffness are learnt on the way.
     """
     cameras = values.shape[1]
-    size = TERMS * cameras
-    information, blur, scatter = np.zeros((3, size, size))
-    sums = _Sums(information, blur, scatter, np.zeros(size))
+    shape = (TERMS * cameras, TERMS * cameras)
+    sums = _Sums(np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape[0]))
     for problem in problems:
         factors = factors_of(problem.seen)
         problem.times = problem.seen.stamps + (values[:, problem.seen.cameras].T * factors).sum(1)

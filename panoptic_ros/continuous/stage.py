@@ -19,7 +19,7 @@ from panoptic_ros.continuous.reports import ABSENT_S, pose_set
 from panoptic_ros.continuous.returns import SeenPerson
 from panoptic_ros.continuous.seen_views import SeenViews
 from panoptic_ros.continuous.view_order import TimedFrame, ViewOrder
-from panoptic_ros.domain import ClockModel, DetectionSet, RefinedPoseSet, ViewDetections
+from panoptic_ros.domain import ClockModel, DetectionSet, RefinedPoseSet, StampLine, ViewDetections
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import ConfigError, DataError
 from panoptic_ros.solving.example import easy_instants
@@ -77,6 +77,7 @@ class ContinuousStage(Stateful):
         ),
         (
             ClockModel,
+            StampLine,
             ViewDetections,
             CameraFrame,
             TimedFrame,

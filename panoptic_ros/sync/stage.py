@@ -11,6 +11,7 @@ from panoptic_ros.domain import (
     DetectionSet,
     EndOfStream,
     ScoreMaps,
+    StampLine,
     ViewDetections,
     VisibilityLimit,
 )
@@ -59,6 +60,7 @@ LAYOUT = StateLayout(
     (
         ClockModel,
         ScoreMaps,
+        StampLine,
         ViewDetections,
         VisibilityLimit,
         CameraClock,

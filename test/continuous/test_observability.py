@@ -32,7 +32,7 @@ def test_scores_that_scatter_more_give_the_covariance_of_wrong_noise():
 
 
 def test_stated_errors_are_those_of_repetitions_with_persistent_noise():
-    """A line through 4000 samples of noise that persists for ten samples, which is taken for white."""
+    """The noise of a line persists for ten samples, and the estimate takes it for white."""
     design = np.stack([np.ones(4000), np.linspace(-1.0, 1.0, 4000)], axis=1)
     estimates, stated = [], []
     for seed in range(200):

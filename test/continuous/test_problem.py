@@ -1,4 +1,4 @@
-"""What a person's problem learns with the curves."""
+"""Stiffness that is learnt with the curves of a person."""
 
 import captures
 import numpy as np

@@ -184,9 +184,8 @@ class Continuous(Study):
         rows = _averages(result["rows"])
         yield from (*self.head(result).splitlines(), "", *table(rows, self.columns))
         yield from ("", "error in mm by the speed of the joint", "", *table(rows, self.speeds))
-        if asked := [
-            row for row in rows if any(row.get(f"{name}_known", np.nan) >= 0.0 for name in UNKNOWNS)
-        ]:
+        asked = [row for row in rows if any(row.get(f"{name}_known", np.nan) >= 0.0 for name in UNKNOWNS)]
+        if asked:
             yield from ("", "clocks and line delays, apart from the trusted camera", "")
             yield from table(asked, self.times)
         yield ""
