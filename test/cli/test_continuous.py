@@ -284,7 +284,7 @@ def test_clocks_of_people_who_stand_are_not_observable(
 def test_a_full_disk_leaves_whole_files_only(
     folder: Path, tmp_path: Path, largest: int, whole: list[str]
 ) -> None:
-    """The full disk is a limit on the size of files."""
+    """Limit the size of files, as a full disk does."""
 
     def limit() -> None:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)

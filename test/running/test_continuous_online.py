@@ -59,7 +59,7 @@ def test_a_longer_lag_is_more_accurate(files, tmp_path):
         (("2",), "argument --lag: '2' is not a number from 0 to 1"),
         (("0.1", "--clocks"), "--lag does not go with --clocks, which"),
         (("0.1", "--curves", "c.npz", "--at", "a.csv"), "--lag does not go with --at and --curves, which"),
-        (("0.1", "--rate", "5000"), "rate_hz"),
+        (("0.1", "--rate", "5000"), "--rate 5000 with --lag is above 1000 Hz"),
     ],
 )
 def test_options_that_do_not_go_together_are_named(files, tmp_path, capsys, words, text):

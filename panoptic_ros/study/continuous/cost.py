@@ -30,7 +30,7 @@ from panoptic_ros.stage import Progress, StageContext, each, untold
 from panoptic_ros.study.child import run_child
 from panoptic_ros.study.options import add_seeds
 from panoptic_ros.study.stopwatch import timed
-from panoptic_ros.study.study import Case, Column, Result, Row, Study
+from panoptic_ros.study.study import Case, Column, Result, Row, Study, table
 
 Array = np.ndarray
 SCENE = "staggered"  # two people before eight cameras of 12.5 Hz
@@ -112,7 +112,7 @@ class ContinuousTime(Study):
 
     def lines(self, result: Result) -> Iterator[str]:
         """See `Study`."""
-        yield from super().lines(result)
+        yield from (*self.head(result).splitlines(), "", *table(result["rows"], self.columns))
         if np.isfinite(result["growth"]):
             yield (
                 f"{self.options.times} times the length costs {self.options.times * result['growth']:.1f} "
