@@ -122,14 +122,14 @@ class Study:
         return {}
 
     def head(self, result: Result) -> str:
-        """Return the line above the table; "" = none."""
+        """Return the lines above the table; "" = none."""
         return ""
 
     def lines(self, result: Result) -> Iterable[str]:
         """Return the lines of the text output: head and table."""
         rows = averaged(result["rows"], self.over) if self.over else result["rows"]
         head = self.head(result)
-        return [*([head, ""] if head else []), *table(rows, self.columns, self.across)]
+        return [*([*head.splitlines(), ""] if head else []), *table(rows, self.columns, self.across)]
 
     def plot(self, path: Path, result: Result) -> None:
         """Draw the result into a PNG file; called only if `has_plot` is True."""
