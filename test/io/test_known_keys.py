@@ -70,6 +70,7 @@ TELLING = {
     "io.biases",
     "io.body_files",
     "io.body_models",
+    "io.board_files",
     "io.clock_files",
     "io.compared_skeletons",
     "io.joint_offsets",
