@@ -26,7 +26,7 @@ SPECIFICATION = re.compile(
     r"(?:/(?P<part>[0-9.]+)(?P<part_unit>[a-z]+))?(?::(?P<dictionary>DICT_\w+))?"
 )
 EXAMPLES = (
-    "charuco:5x7:40mm (squares; markers of another size: charuco:5x7:40mm/30mm), checkerboard:8x6:25mm "
+    "charuco:5x7:40mm (squares; markers of another size: charuco:5x7:40mm/30mm), checkerboard:9x6:25mm "
     "(inner corners), aprilgrid:6x6:88mm (tags; another gap: aprilgrid:6x6:88mm/26mm)"
 )
 
@@ -41,8 +41,8 @@ class Board:
     Args:
         kind: Kind of the board.
         columns, rows: Squares of a ChArUco board, inner corners of a checkerboard, tags of an AprilGrid.
-        size: M, side of a square or tag.
-        part: M, side of the markers of a ChArUco board, gap between the tags of an AprilGrid.
+        size: Side, m, of a square or tag.
+        part: Side, m, of the markers of a ChArUco board, or gap between the tags of an AprilGrid.
         dictionary: Name of the markers in OpenCV; "" for a checkerboard.
         legacy: Pattern of ChArUco boards before OpenCV 4.6.
 

@@ -31,13 +31,12 @@ class CameraQuality(NamedTuple):
     Args:
         name: Its name.
         views: Number of views. points: Number of points in them. outliers: Points left out.
-        noise_px: Px, residual per axis.
+        noise_px: Residual, px per axis.
         coverage: Share of the cells of the image with points.
         focal_sd: Relative standard deviation of the focal length.
-        centre_sd_px: Px, of the principal point.
-        linked: Number of cameras that share instants with it.
+        centre_sd_px: Standard deviation, px, of the principal point.
         offset_s, offset_sd_s: Clock offset, s; 0 and 0 = not estimated.
-        jitter_s: S, standard deviation of the time shifts of its images.
+        jitter_s: Standard deviation, s, of the time shifts of its images.
     """
 
     name: str
@@ -48,7 +47,6 @@ class CameraQuality(NamedTuple):
     coverage: float
     focal_sd: float
     centre_sd_px: float
-    linked: int
     offset_s: float
     offset_sd_s: float
     jitter_s: float
@@ -65,8 +63,8 @@ class Quality(NamedTuple):
 
     Args:
         cameras: One per camera.
-        error_m: M, root mean square of the predicted errors in the space of the target.
-        worst_m: M, 95th percentile of these errors.
+        error_m: Root mean square, m, of the predicted errors in the space of the target.
+        worst_m: 95th percentile, m, of these errors.
     """
 
     cameras: tuple[CameraQuality, ...]
@@ -93,7 +91,6 @@ def quality_of(rig: CalibratedRig) -> Quality:
                 coverage_of(seen.pixels[own == c], given.size),
                 float(lens_sd[:2].max() / states.lenses[c, 0]),
                 float(lens_sd[2:].max()),
-                sum(c in pair for pair in rig.links),
                 float(offsets[c]),
                 float(rig.sd(c, slice(OFFSET, OFFSET + 1))[0]),
                 float(states.jitter[c]),

@@ -119,7 +119,7 @@ def _settled(seen: Observations, start: RigStart) -> Adjustment:
     """Return the first adjustment, after targets with mirrored poses are corrected."""
     state = adjust(seen, start.state, SCALE)
     again = with_best_targets(seen, state, start.candidates)
-    if again.targets is state.targets:
+    if np.array_equal(again.targets.rotations, state.targets.rotations):
         return state
     return adjust(seen, again, SCALE)
 

@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=BOARD,
         metavar="BOARD",
         help="board, or a file that describes one. charuco:COLUMNSxROWS:SIZE counts squares, "
-        "checkerboard:8x6:25mm inner corners, aprilgrid:6x6:25mm tags. Markers or gaps of another size: "
+        "checkerboard:9x6:25mm inner corners, aprilgrid:6x6:25mm tags. Markers or gaps of another size: "
         f"charuco:5x7:40mm/30mm; other markers: charuco:5x7:40mm:DICT_5X5_100. Default {BOARD}",
     )
     parser.add_argument(

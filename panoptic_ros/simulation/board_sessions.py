@@ -38,10 +38,10 @@ class BoardScene:
     Args:
         cameras: Number of cameras on a ring.
         instants: Number of instants.
-        noise_px: Px per axis, white noise of the corners.
-        rate_hz: Hz of all cameras.
+        noise_px: White noise of the corners, px per axis.
+        rate_hz: Rate, Hz, of all cameras.
         smooth: The board moves smoothly; else it takes a random pose at each instant.
-        lag_s: S, largest offset of a camera's images. jitter_s: S, standard deviation of random lags.
+        lag_s: Largest offset, s, of a camera's images. jitter_s: Standard deviation, s, of random lags.
         lens: Lens of all cameras.
         outliers: Share of the corners that are wrong by up to 20 px.
     """

@@ -102,6 +102,8 @@ def test_wrong_input_is_named_in_one_line(session, tmp_path, capsys):
     (tmp_path / "empty").mkdir()
     assert "has no videos" in refused(capsys, tmp_path / "empty", "--board", BOARD, "--out", out)
     assert "is not understood" in refused(capsys, folder, "--board", "charuco", "--out", out)
+    said = refused(capsys, folder, "--board", "checkerboard:8x6:25mm", "--out", out)
+    assert "a checkerboard of 8 x 6 inner corners looks the same after half a turn" in said
     said = refused(capsys, folder, "--board", "charuco:8x9:60mm:DICT_7X7_250", "--out", out)
     assert "images shows the board charuco 8x9 with markers DICT_7X7_250; check --board" in said
     said = refused(capsys, folder, "--board", BOARD, "--floor", "9", "--synchronous", "--out", out)
@@ -132,8 +134,8 @@ def test_a_board_without_tilt_is_refused(tmp_path, capsys):
         ["calibrate", str(tmp_path / "s"), "--board", BOARD, "--synchronous", "--out", str(tmp_path / "o")]
     )
     err = capsys.readouterr().err
-    assert "tilt" in err
-    assert code == 2 or "warning" in err
+    assert code == 2 and "the recording does not determine the cameras" in err and "tilt the board" in err
+    assert not (tmp_path / "o").exists()
 
 
 def test_a_board_is_printed_to_scale(tmp_path, capsys):

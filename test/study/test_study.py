@@ -98,7 +98,7 @@ def test_a_study_runs_on_its_smallest_case(name, monkeypatch):
     if name == "alignment":  # motion tells only after the T-pose
         monkeypatch.setattr(cases, "body_scene", partial(short_scene, 4.0))
         monkeypatch.setattr(alignment, "WINDOWS_S", (0.5,))
-    run_whole(study)
+    assert run_whole(study)["rows"]
 
 
 class Squares(Study):

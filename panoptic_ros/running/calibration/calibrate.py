@@ -66,12 +66,17 @@ def calibrate_folder(
     Args:
         lens: A name of `MODELS`, for cameras whose intrinsics are not known.
         known: Cameras with known intrinsics.
-        floor_s: S since the first image, at which the board lies on the floor; None = never.
+        floor_s: Time, s since the first image, at which the board lies on the floor; None = never.
         synchronous: The cameras are synchronous; clock offsets are not estimated.
 
     Raises:
         UserError: if the recording does not give a calibration.
     """
+    if board.symmetric:
+        raise UsageError(
+            f"a checkerboard of {board.columns} x {board.rows} inner corners looks the same after half a turn, "
+            "so cameras disagree on its corners; use one with an odd and an even number, or a ChArUco board"
+        )
     recording = read_board_views(folder, board, progress)
     seen = sorted({view.camera for view in recording.views})
     blind = [name for c, name in enumerate(recording.names) if c not in seen]

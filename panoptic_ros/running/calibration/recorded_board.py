@@ -37,7 +37,6 @@ class BoardRecording:
         start_ns: Stamp of the first image.
         images: Number of images that were searched, by camera.
         pictures: By camera, the view with most corners: its index in `views`, and its image (H, W) uint8.
-        appearances: By camera, how the board appeared.
         notices: Lines about the recording.
     """
 
@@ -47,7 +46,6 @@ class BoardRecording:
     start_ns: int
     images: tuple[int, ...]
     pictures: Mapping[int, tuple[int, Array]]
-    appearances: Mapping[int, frozenset[BoardAppearance]]
     notices: tuple[str, ...]
 
 
@@ -78,7 +76,6 @@ def read_board_views(
     views: list[TargetView] = []
     every: list[int] = []
     pictures: dict[int, tuple[int, Array]] = {}
-    appearances: dict[int, frozenset[BoardAppearance]] = {}
     tried = APPEARANCES
     done = 0
     with open_files(rig, files, stamps=stamps, times=times) as capture:
@@ -104,7 +101,6 @@ def read_board_views(
                 every.append(frame.stamp_ns)
                 if c not in pictures or len(numbers) > len(views[pictures[c][0]].numbers):
                     pictures[c] = (len(views) - 1, grey)
-            appearances[c] = frozenset(found_as)
             if found_as:  # all cameras see the same print
                 prints = {own.inverted for own in found_as}
                 tried = tuple(own for own in tried if own.inverted in prints)
@@ -119,9 +115,7 @@ def read_board_views(
         for view, instant, second in zip(views, instants, seconds)
     )
     sizes = tuple(camera.image_size for camera in capture.rig.cameras)
-    return BoardRecording(
-        rig.names, sizes, placed, start, tuple(counts), pictures, appearances, tuple(notices)
-    )
+    return BoardRecording(rig.names, sizes, placed, start, tuple(counts), pictures, tuple(notices))
 
 
 def _nothing(folder: Path, board: Board, images: int) -> str:
