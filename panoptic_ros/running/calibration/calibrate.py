@@ -75,7 +75,8 @@ def calibrate_folder(
     if board.symmetric:
         raise UsageError(
             f"a checkerboard of {board.columns} x {board.rows} inner corners looks the same after half a "
-            "turn, so cameras disagree on its corners; use one with an odd and an even number, or a ChArUco board"
+            "turn, so cameras disagree on its corners; use one with an odd and an even number, or a "
+            "ChArUco board"
         )
     recording = read_board_views(folder, board, progress)
     seen = sorted({view.camera for view in recording.views})
