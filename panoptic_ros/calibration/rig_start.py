@@ -10,6 +10,7 @@ import numpy as np
 
 from panoptic_ros.calibration.bundle import Adjustment, CameraStates, Observations, Targets, residuals_of
 from panoptic_ros.calibration.lens_start import LensModel, one_camera, start_lens
+from panoptic_ros.calibration.numbering import alternatives, consistent_numbers
 from panoptic_ros.calibration.projection import POSE
 from panoptic_ros.calibration.target_poses import intrinsics_of, poses_of, relative_poses, spanning_tree
 from panoptic_ros.calibration.target_views import TargetView, observations_of
@@ -54,8 +55,13 @@ class RigStart(NamedTuple):
     links: dict[tuple[int, int], int]
 
 
-def start_rig(cameras: Sequence[CameraInput], views: Sequence[TargetView], points: Array) -> RigStart:
+def start_rig(
+    cameras: Sequence[CameraInput], views: Sequence[TargetView], points: Array, turns: Sequence[Rigid] = ()
+) -> RigStart:
     """Return the start of the adjustment of all cameras.
+
+    Args:
+        turns: Motions after which the target looks the same; its points are numbered consistently.
 
     Raises:
         CalibrationError: if a camera has too few views, or shares none with the others.
@@ -63,11 +69,14 @@ def start_rig(cameras: Sequence[CameraInput], views: Sequence[TargetView], point
     lenses = [_lens(k, camera, views, points) for k, camera in enumerate(cameras)]
     intrinsics = [intrinsics_of(lens, camera.model.fisheye) for lens, camera in zip(lenses, cameras)]
     poses = [poses_of(view, points, intrinsics[view.camera]) for view in views]
-    links = relative_poses(views, poses)
+    links = relative_poses(views, [alternatives(own, turns) for own in poses])
     placed, missing = spanning_tree(len(cameras), links)
     if missing:
         raise CalibrationError(_unlinked(cameras, missing))
     known = [pose for pose in placed if pose is not None]
+    if turns:
+        views = consistent_numbers(views, poses, known, points, turns)
+        poses = [poses_of(view, points, intrinsics[view.camera]) for view in views]
     starts = [one_camera(c.size, float(lens[0]), c.model, c.known) for c, lens in zip(cameras, lenses)]
     states = CameraStates(
         *(np.concatenate([getattr(start, name) for start in starts]) for name in CameraStates.__annotations__)

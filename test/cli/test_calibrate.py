@@ -1,6 +1,7 @@
 """`panoptic calibrate`: from images of a board to a rig with its report, and boards to print."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import cv2
@@ -14,7 +15,7 @@ from panoptic_ros.geometry import Rigid
 from panoptic_ros.geometry.rotations import rotations_of
 from panoptic_ros.io.clock_files import read_clocks
 from panoptic_ros.io.rigs import read_rig, write_rig
-from test.support.board_images import board_poses, small_rig, write_session
+from test.support.board_images import artwork, board_poses, photograph, small_rig, write_session
 
 BOARD = "charuco:5x4:60mm"
 IMAGES = 24
@@ -102,8 +103,6 @@ def test_wrong_input_is_named_in_one_line(session, tmp_path, capsys):
     (tmp_path / "empty").mkdir()
     assert "has no videos" in refused(capsys, tmp_path / "empty", "--board", BOARD, "--out", out)
     assert "is not understood" in refused(capsys, folder, "--board", "charuco", "--out", out)
-    said = refused(capsys, folder, "--board", "checkerboard:8x6:25mm", "--out", out)
-    assert "a checkerboard of 8 x 6 inner corners looks the same after half a turn" in said
     said = refused(capsys, folder, "--board", "charuco:8x9:60mm:DICT_7X7_250", "--out", out)
     assert "images shows the board charuco 8x9 with markers DICT_7X7_250; check --board" in said
     said = refused(capsys, folder, "--board", BOARD, "--floor", "9", "--synchronous", "--out", out)
@@ -136,6 +135,63 @@ def test_a_board_without_tilt_is_refused(tmp_path, capsys):
     err = capsys.readouterr().err
     assert code == 2 and "the recording does not determine the cameras" in err and "tilt the board" in err
     assert not (tmp_path / "o").exists()
+
+
+def test_a_camera_that_mirrors_its_images_is_named(session, tmp_path, capsys):
+    folder, _ = session
+    copied = tmp_path / "s"
+    shutil.copytree(folder, copied)
+    for file in (copied / "cam1").iterdir():
+        cv2.imwrite(str(file), np.ascontiguousarray(cv2.imread(str(file))[:, ::-1]))
+    said = refused(capsys, copied, "--board", BOARD, "--synchronous", "--out", tmp_path / "o")
+    assert "camera cam1 (" in said and "views of the board contradict those of other cameras" in said
+    assert "does not mirror images" in said and "cam0" not in said and "cam2" not in said
+    for name in ("cam0", "cam2"):
+        for file in (copied / name).iterdir():
+            cv2.imwrite(str(file), np.ascontiguousarray(cv2.imread(str(file))[:, ::-1]))
+    said = refused(capsys, copied, "--board", BOARD, "--synchronous", "--out", tmp_path / "o")
+    assert "all images show the board mirrored" in said and not (tmp_path / "o").exists()
+
+
+def test_a_stretched_print_is_refused_or_reported(tmp_path, capsys):
+    poses = board_poses(IMAGES)
+    for stretch, folder in ((0.01, "bad"), (0.0, "good")):
+        scale = (1.0 - 0.5 * stretch, 1.0 + 0.5 * stretch)
+        write_session(tmp_path / folder, parse_board(BOARD), poses, small_rig(2), scale)
+    options = ["--board", BOARD, "--synchronous", "--out"]
+    said = refused(capsys, tmp_path / "bad", *options, tmp_path / "o")
+    assert "too high" in said and "print it again at 100 %" in said
+    assert main(["calibrate", str(tmp_path / "good"), *options, str(tmp_path / "o")]) == 0
+    assert "the print" not in capsys.readouterr().err
+
+
+def test_two_identical_boards_are_refused(tmp_path, capsys):
+    board, rig = parse_board(BOARD), small_rig(2)
+    near = [Rigid(pose.rotation, pose.translation + [-0.3, 0.0, 0.9]) for pose in board_poses(8)]
+    far = [Rigid(pose.rotation, pose.translation + [0.3, 0.0, 0.9]) for pose in board_poses(8, 1)]
+    write_session(tmp_path / "s", board, near, rig)
+    printed = artwork(board)
+    for camera in rig.cameras:
+        for n, pose in enumerate(far):
+            file = str(tmp_path / "s" / camera.name / f"{n:04d}.png")
+            image, own = cv2.imread(file, 0), photograph(camera, board, pose, printed)
+            cv2.imwrite(file, np.where(own == 128, image, own))
+    said = refused(capsys, tmp_path / "s", "--board", BOARD, "--out", tmp_path / "o")
+    assert "images show two boards with the same markers; cover one" in said
+
+
+def test_images_of_another_size_are_named(session, tmp_path, capsys):
+    folder, truth = session
+    copied = tmp_path / "s"
+    shutil.copytree(folder, copied)
+    file = sorted((copied / "cam1").iterdir())[3]
+    cv2.imwrite(str(file), np.zeros((240, 320), np.uint8))
+    said = refused(capsys, copied, "--board", BOARD, "--synchronous", "--out", tmp_path / "o")
+    assert "cam1" in said and "320" in said and "640" in said
+    small = Rig(tuple(replace(camera, image_size=(1280, 960)) for camera in truth.cameras))
+    write_rig(tmp_path / "known.json", small)
+    options = ["--board", BOARD, "--intrinsics", tmp_path / "known.json", "--out", tmp_path / "o"]
+    assert "give intrinsics for this size" in refused(capsys, folder, *options)
 
 
 def test_a_board_is_printed_to_scale(tmp_path, capsys):

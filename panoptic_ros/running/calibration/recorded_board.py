@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,6 +36,7 @@ class BoardRecording:
         views: All views of the board; stamps in s since `start_ns`.
         start_ns: Stamp of the first image.
         images: Number of images that were searched, by camera.
+        mirrored: Number of views that show a mirrored board, by camera.
         pictures: By camera, the view with most corners: its index in `views`, and its image (H, W) uint8.
         notices: Lines about the recording.
     """
@@ -45,6 +46,7 @@ class BoardRecording:
     views: tuple[TargetView, ...]
     start_ns: int
     images: tuple[int, ...]
+    mirrored: tuple[int, ...]
     pictures: Mapping[int, tuple[int, Array]]
     notices: tuple[str, ...]
 
@@ -80,7 +82,7 @@ def read_board_views(
     done = 0
     with open_files(rig, files, stamps=stamps, times=times) as capture:
         total = capture.frame_count
-        counts = [0] * len(rig)
+        counts, mirrored, twice = ([0] * len(rig) for _ in range(3))
         for c, source in enumerate(capture.sources):
             detector = BoardDetector(board, tried)
             step = max(1, -(-(source.frame_count or 0) // most))
@@ -95,16 +97,19 @@ def read_board_views(
                 found = detector.detect(grey)
                 if found is None:
                     continue
-                numbers, pixels, appearance = found
-                found_as.add(appearance)
-                views.append(TargetView(c, 0, 0.0, numbers, pixels))
+                if found.repeated:
+                    twice[c] += 1
+                    continue
+                found_as.add(found.appearance)
+                mirrored[c] += found.appearance.mirrored
+                views.append(TargetView(c, 0, 0.0, found.numbers, found.pixels))
                 every.append(frame.stamp_ns)
-                if c not in pictures or len(numbers) > len(views[pictures[c][0]].numbers):
+                if c not in pictures or len(found.numbers) > len(views[pictures[c][0]].numbers):
                     pictures[c] = (len(views) - 1, grey)
             if found_as:  # all cameras see the same print
                 prints = {own.inverted for own in found_as}
                 tried = tuple(own for own in tried if own.inverted in prints)
-        notices = capture.notices
+        notices = [*capture.notices, *_two_boards(rig.names, twice, views)]
     if not every:
         raise CalibrationError(_nothing(folder, board, sum(counts)))
     start = min(every)
@@ -115,7 +120,28 @@ def read_board_views(
         for view, instant, second in zip(views, instants, seconds)
     )
     sizes = tuple(camera.image_size for camera in capture.rig.cameras)
-    return BoardRecording(rig.names, sizes, placed, start, tuple(counts), pictures, tuple(notices))
+    return BoardRecording(
+        rig.names, sizes, placed, start, tuple(counts), tuple(mirrored), pictures, tuple(notices)
+    )
+
+
+def _two_boards(names: Sequence[str], twice: Sequence[int], views: Sequence[TargetView]) -> list[str]:
+    """Return lines about images that were left out because they show two identical boards.
+
+    Raises:
+        CalibrationError: if these are most of a camera's images of the board.
+    """
+    lines = []
+    for c, (name, count) in enumerate(zip(names, twice)):
+        used = sum(view.camera == c for view in views)
+        if count > used:
+            raise CalibrationError(
+                f"camera {name}: {count} images show two boards with the same markers; cover one, or "
+                "print one with other markers"
+            )
+        if count:
+            lines.append(f"camera {name}: {count} images with two identical boards were left out")
+    return lines
 
 
 def _nothing(folder: Path, board: Board, images: int) -> str:
