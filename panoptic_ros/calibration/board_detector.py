@@ -31,7 +31,7 @@ class BoardSight(NamedTuple):
     Args:
         numbers: (K,) points of the board, ascending. pixels: (K, 2) px.
         appearance: How the board appears.
-        repeated: Number of markers that are seen twice. Two identical boards cannot be told apart: K is 0.
+        repeated: Number of markers that are seen twice. Two identical boards are ambiguous, so K is 0.
     """
 
     numbers: Array

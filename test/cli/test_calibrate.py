@@ -154,7 +154,7 @@ def test_a_camera_that_mirrors_its_images_is_named(session, tmp_path, capsys):
 
 
 def test_a_stretched_print_is_refused_or_reported(tmp_path, capsys):
-    poses = board_poses(IMAGES)
+    poses = board_poses(2 * IMAGES)
     for stretch, folder in ((0.01, "bad"), (0.0, "good")):
         scale = (1.0 - 0.5 * stretch, 1.0 + 0.5 * stretch)
         write_session(tmp_path / folder, parse_board(BOARD), poses, small_rig(2), scale)

@@ -13,7 +13,7 @@ from panoptic_ros.calibration.projection import LENS, POSE
 from panoptic_ros.calibration.quality import Quality, doubts, quality_of, refusals
 from panoptic_ros.calibration.rig_start import CameraInput
 from panoptic_ros.calibration.solve import CalibratedRig, calibrate_rig
-from panoptic_ros.calibration.stretch import stretch_of
+from panoptic_ros.calibration.stretch import jackknife_sd, stretch_of
 from panoptic_ros.calibration.world import floor_from_images, floor_from_target, rig_in_world
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.domain.camera import POSE_AND_MATRIX
@@ -24,7 +24,7 @@ from panoptic_ros.stage import Progress
 Array = np.ndarray
 # standard deviations of given intrinsics whose file states no covariance: relative, px, without unit
 KNOWN_FOCAL, KNOWN_CENTRE_PX, KNOWN_TERM = 0.01, 5.0, 0.05
-CERTAIN = 4.0  # standard deviations of a stretch of the print that is certain
+CERTAIN = 3.0  # standard deviations of a stretch of the print that is certain
 GOOD_STRETCH, REFUSED_STRETCH = 2e-3, 5e-3  # relative; 1 % triples errors, 0.3 % adds a third
 MODELS = {
     "brown": LensModel(),
@@ -91,13 +91,14 @@ def calibrate_folder(
     if reasons := refusals(quality):
         raise CalibrationError(f"the recording does not determine the cameras: {'; '.join(reasons)}")
     stretch, sd = stretch_of(solved)
-    stretched = abs(stretch) > CERTAIN * sd
+    stretched = abs(stretch) > max(GOOD_STRETCH, CERTAIN * sd)
+    stretched = stretched and abs(stretch) > CERTAIN * jackknife_sd(solved)
     if stretched and abs(stretch) > REFUSED_STRETCH:
         raise CalibrationError(
             f"{_stretched(stretch)}; print it again at 100 %, without fitting it to the page"
         )
     notices = list(recording.notices)
-    if stretched and abs(stretch) > GOOD_STRETCH:
+    if stretched:
         notices.append(f"{_stretched(stretch)}; measure both sides, and print it again at 100 %")
     if floor_s is None:
         world = floor_from_images(solved)
