@@ -10,10 +10,13 @@ import pytest
 
 from panoptic_ros.calibration.boards import parse_board
 from panoptic_ros.cli.main import main
-from panoptic_ros.domain import Rig
+from panoptic_ros.domain import Rig, ViewFrame
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.geometry.rotations import rotations_of
+from panoptic_ros.io.bags import BagWriter
 from panoptic_ros.io.clock_files import read_clocks
+from panoptic_ros.io.messages import bag_messages, to_message
+from panoptic_ros.io.messages.images import compressed_image_message, image_message
 from panoptic_ros.io.rigs import read_rig, write_rig
 from test.support.board_images import artwork, board_poses, photograph, small_rig, write_session
 
@@ -48,6 +51,44 @@ def test_images_of_a_board_give_a_rig_with_its_report(session, tmp_path, capsys)
     page = (tmp_path / "o" / "report.html").read_text()
     assert all(name in page and (tmp_path / "o" / f"{name}.png").exists() for name in truth.names)
     assert not (tmp_path / "o" / "clocks.json").exists()  # no clock is estimated with --synchronous
+
+
+def bag_of(path, folder, topic, kind, damaged=0):
+    """A bag with the images of a folder at 10 Hz."""
+    with BagWriter(path) as bag:
+        for camera in sorted(place for place in folder.iterdir() if place.is_dir()):
+            for n, file in enumerate(sorted(camera.iterdir())):
+                frame = ViewFrame(camera.name, 10**9 + n * 10**8, n, cv2.imread(str(file)))
+                if kind == "raw":
+                    message = image_message(frame, bag_messages())
+                else:
+                    message = compressed_image_message(frame, bag_messages(), 95)
+                    if n < damaged:
+                        message.data = message.data[:40]
+                bag.write(topic.format(camera.name), frame.stamp_ns, message)
+    return path
+
+
+@pytest.mark.parametrize(
+    "topic, kind", [("/{}/color/image_raw", "raw"), ("/lab/{}/image_raw/compressed", "compressed")]
+)
+def test_images_in_a_bag_give_the_rig_of_the_folder(session, tmp_path, capsys, topic, kind):
+    folder, truth = session
+    bag = bag_of(tmp_path / "bag", folder, topic, kind, damaged=2)
+    options = ["--board", BOARD, "--synchronous", "--out", str(tmp_path / "o")]
+    assert main(["calibrate", str(bag), *options]) == 0
+    found = read_rig(tmp_path / "o" / "rig.json")
+    assert found.names == truth.names
+    np.testing.assert_allclose(distances(found), distances(truth), atol=0.02)
+    damaged = "camera cam0: 2 messages without a usable image were left out" in capsys.readouterr().err
+    assert damaged == (kind == "compressed")
+
+
+def test_a_bag_without_images_is_named(tmp_path, capsys):
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.write("/rig", 0, to_message(small_rig(), bag_messages()))
+    said = refused(capsys, tmp_path / "bag", "--board", BOARD, "--out", tmp_path / "o")
+    assert "has no images; there are /rig" in said
 
 
 def test_clocks_of_cameras_are_written(tmp_path, capsys):

@@ -1,4 +1,4 @@
-"""Calibrate the cameras of a folder with a board, and write the rig, its clocks and the report."""
+"""Calibrate the cameras of a recording with a board, and write the rig, its clocks and the report."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ class BoardCalibration:
     notices: tuple[str, ...]
 
 
-def calibrate_folder(
-    folder: Path,
+def calibrate_recording(
+    path: Path,
     board: Board,
     progress: Progress,
     *,
@@ -64,7 +64,7 @@ def calibrate_folder(
     floor_s: float | None = None,
     synchronous: bool = False,
 ) -> BoardCalibration:
-    """Return the calibration of the cameras of a folder.
+    """Return the calibration of the cameras of a folder or bag.
 
     Args:
         lens: A name of `MODELS`, for cameras whose intrinsics are not known.
@@ -75,7 +75,7 @@ def calibrate_folder(
     Raises:
         UserError: if the recording does not give a calibration.
     """
-    recording = read_board_views(folder, board, progress)
+    recording = read_board_views(path, board, progress)
     seen = sorted({view.camera for view in recording.views})
     blind = [name for c, name in enumerate(recording.names) if c not in seen]
     if blind:

@@ -1,4 +1,4 @@
-"""Find the board in the images of a folder without calibration."""
+"""Find the board in the images of a recording without calibration."""
 
 from __future__ import annotations
 
@@ -13,14 +13,9 @@ from panoptic_ros.calibration.board_detector import APPEARANCES, BoardAppearance
 from panoptic_ros.calibration.boards import Board, parse_board
 from panoptic_ros.calibration.instants import instants_of
 from panoptic_ros.calibration.target_views import TargetView
-from panoptic_ros.capture.folder import folder_stamps, open_files
-from panoptic_ros.capture.image_folder import ImageFolderSource
-from panoptic_ros.capture.layout import cameras_of
-from panoptic_ros.capture.video import VideoSource
-from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.errors import CalibrationError
-from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.io.board_files import read_board
+from panoptic_ros.running.calibration.recorded_images import open_images
 from panoptic_ros.stage import Progress
 
 Array = np.ndarray
@@ -60,30 +55,27 @@ def board_of(text: str) -> Board:
     return read_board(Path(text)) if Path(text).is_file() else parse_board(text)
 
 
-def read_board_views(
-    folder: Path, board: Board, progress: Progress, most: int = MOST_IMAGES
-) -> BoardRecording:
-    """Search the board in all images of a folder with one video or folder of images per camera.
+def read_board_views(path: Path, board: Board, progress: Progress, most: int = MOST_IMAGES) -> BoardRecording:
+    """Search the board in all images of a recording, see `open_images`.
 
     Args:
         most: Greatest number of images per camera; evenly spaced ones are used.
 
     Raises:
-        DataError: if the folder has no images.
+        DataError: if the recording has no images.
         CalibrationError: if fewer than two cameras see the board.
     """
-    files = cameras_of(folder)
-    rig = _unknown_rig(files)
-    stamps, times = folder_stamps(folder, files, rig.names)
     views: list[TargetView] = []
     every: list[int] = []
     pictures: dict[int, tuple[int, Array]] = {}
     tried = APPEARANCES
     done = 0
-    with open_files(rig, files, stamps=stamps, times=times) as capture:
-        total = capture.frame_count
-        counts, mirrored, twice = ([0] * len(rig) for _ in range(3))
-        for c, source in enumerate(capture.sources):
+    with open_images(path) as recorded:
+        names = tuple(source.camera for source in recorded.sources)
+        sizes = tuple(source.image_size for source in recorded.sources)
+        total = sum(source.frame_count or 0 for source in recorded.sources)
+        counts, mirrored, twice = ([0] * len(names) for _ in range(3))
+        for c, source in enumerate(recorded.sources):
             detector = BoardDetector(board, tried)
             step = max(1, -(-(source.frame_count or 0) // most))
             found_as: set[BoardAppearance] = set()
@@ -109,9 +101,9 @@ def read_board_views(
             if found_as:  # all cameras see the same print
                 prints = {own.inverted for own in found_as}
                 tried = tuple(own for own in tried if own.inverted in prints)
-        notices = [*capture.notices, *_two_boards(rig.names, twice, views)]
+        notices = [*recorded.notices, *_two_boards(names, twice, views)]
     if not every:
-        raise CalibrationError(_nothing(folder, board, sum(counts)))
+        raise CalibrationError(_nothing(path, board, sum(counts)))
     start = min(every)
     seconds = np.array([(stamp - start) * 1e-9 for stamp in every])
     instants = instants_of(np.array([view.camera for view in views]), seconds)
@@ -119,9 +111,8 @@ def read_board_views(
         TargetView(view.camera, int(instant), float(second), view.numbers, view.pixels)
         for view, instant, second in zip(views, instants, seconds)
     )
-    sizes = tuple(camera.image_size for camera in capture.rig.cameras)
     return BoardRecording(
-        rig.names, sizes, placed, start, tuple(counts), tuple(mirrored), pictures, tuple(notices)
+        names, sizes, placed, start, tuple(counts), tuple(mirrored), pictures, tuple(notices)
     )
 
 
@@ -144,23 +135,10 @@ def _two_boards(names: Sequence[str], twice: Sequence[int], views: Sequence[Targ
     return lines
 
 
-def _nothing(folder: Path, board: Board, images: int) -> str:
+def _nothing(path: Path, board: Board, images: int) -> str:
     size = f"{board.columns}x{board.rows}"
     return (
-        f"{folder}: none of {images} images shows the board {board.kind} {size}"
+        f"{path}: none of {images} images shows the board {board.kind} {size}"
         + (f" with markers {board.dictionary}" if board.dictionary else "")
         + "; check --board: its kind, its number of columns and rows, its markers"
     )
-
-
-def _unknown_rig(files: Mapping[str, Path]) -> Rig:
-    """Return a rig with the names and image sizes of the files; its lenses and poses mean nothing."""
-    cameras = []
-    for name, path in files.items():
-        open_source = ImageFolderSource if path.is_dir() else VideoSource
-        with open_source(name, path) as source:
-            size = source.image_size
-        focal = float(max(size))
-        matrix = np.array([[focal, 0.0, 0.5 * size[0]], [0.0, focal, 0.5 * size[1]], [0.0, 0.0, 1.0]])
-        cameras.append(Camera(name, size, Intrinsics(matrix, np.zeros(5)), Rigid.identity()))
-    return Rig(tuple(cameras))
