@@ -102,7 +102,7 @@ def start_rig(
     instants = sorted({view.instant for view, own in zip(views, poses) if own})
     number = {instant: n for n, instant in enumerate(instants)}
     used = [replace(view, instant=number[view.instant]) for view in views if view.instant in number]
-    candidates = _candidates(used, [own for own in poses if own], known)
+    candidates = _candidates(used, [own for view, own in zip(views, poses) if view.instant in number], known)
     first = Targets(candidates.rotations[:, 0].copy(), candidates.translations[:, 0].copy())
     seen = observations_of(used, points, np.ones(len(cameras)))
     state = Adjustment(states, first, np.zeros(len(seen.cameras)))
@@ -144,7 +144,7 @@ def _candidates(
     """
     by_instant: dict[int, list[int]] = defaultdict(list)
     for k in sorted(range(len(views)), key=lambda k: -len(views[k].numbers)):
-        if len(by_instant[views[k].instant]) < MOST_CANDIDATES:
+        if poses[k] and len(by_instant[views[k].instant]) < MOST_CANDIDATES:
             by_instant[views[k].instant].append(k)
     worlds = [pose.inverse() for pose in cameras]
     return pose_table(
