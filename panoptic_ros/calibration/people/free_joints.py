@@ -1,0 +1,185 @@
+"""Free joints: each joint of a person at one instant is a target of one point of the bundle adjustment."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from panoptic_ros.calibration.bundle import (
+    Adjustment,
+    CameraStates,
+    Observations,
+    Targets,
+    adjust,
+    residuals_of,
+)
+from panoptic_ros.calibration.normal_equations import twists_of
+from panoptic_ros.calibration.people.sightings import Sightings
+from panoptic_ros.calibration.projection import POSE
+from panoptic_ros.geometry import ProjectionStack, triangulate_robust
+
+Array = np.ndarray
+MOST_POINTS = 6000  # free joints of an adjustment; more change errors by little and cost time
+START_PX = 10.0  # px, noise with which points are started, and gates them
+SCALE = 2.0  # scale of the Cauchy weights, in standard deviations
+MEDIAN_SQUARE = 2.0 * np.log(2.0)  # median of a chi-squared variable with two degrees of freedom
+LEAST_NOISE_PX = 0.05  # px
+SCORE_BINS = 6  # groups of equal size by score, with a noise of their own
+FEWEST_IN_GROUP = 60  # residuals that determine the noise of a group
+
+
+class FreeJoints(NamedTuple):
+    """Free joints and what cameras see of them.
+
+    Args:
+        seen: Observations of the adjustment.
+        speeds: (M, 2) px/s. scores: (M,).
+        people, instants, joints: (B,) person, index of the instant and joint of each point.
+    """
+
+    seen: Observations
+    speeds: Array
+    scores: Array
+    people: Array
+    instants: Array
+    joints: Array
+
+
+def free_joints(sightings: Sightings, people: Array, cameras: CameraStates) -> tuple[FreeJoints, Adjustment]:
+    """Return the joints of all people that two cameras see, with their triangulated positions.
+
+    Args:
+        people: (N,) person of each tracklet, -1 = none.
+    """
+    plane, source = _by_person(sightings, people, len(cameras))
+    views = np.isfinite(plane).all(axis=-1).sum(axis=-1)
+    every = np.argwhere(views >= 2)
+    every = every[np.lexsort((every[:, 2], every[:, 0], every[:, 1]))]
+    chosen = every[np.unique(np.linspace(0, len(every) - 1, MOST_POINTS).astype(int))]
+    who, when, joint = chosen.T
+    stack = ProjectionStack(cameras.rotations, cameras.translations, cameras.lenses[:, :2].mean(axis=1))
+    own = plane[who, when, joint]
+    found = triangulate_robust(stack, own, np.full(own.shape[:2], START_PX))
+    good = np.isfinite(found.points).all(axis=1)
+    who, when, joint, points = who[good], when[good], joint[good], found.points[good]
+    given = np.isfinite(plane[who, when, joint]).all(axis=-1)
+    target, camera = np.nonzero(given)
+    tracklet = source[who[target], when[target], camera]
+    at = (tracklet, when[target], joint[target])
+    count = len(target)
+    seen = Observations(
+        cameras=camera,
+        targets=target,
+        starts=np.arange(count + 1),
+        firsts=np.searchsorted(target, np.arange(len(points) + 1)),
+        numbers=np.zeros(count, np.int64),
+        points=np.zeros((count, 3)),
+        pixels=np.ascontiguousarray(sightings.points[at]),
+        variances=np.full(count, START_PX**2),
+        delays=sightings.late[tracklet, when[target]],
+        twists=np.zeros((len(points), POSE)),
+    )
+    targets = Targets(np.tile(np.eye(3), (len(points), 1, 1)), points)
+    state = Adjustment(cameras, targets, np.zeros(count))
+    joints = FreeJoints(seen, sightings.speeds[at], sightings.scores[at], who, when, joint)
+    return with_velocities(joints, state), state
+
+
+def _by_person(sightings: Sightings, people: Array, cameras: int) -> tuple[Array, Array]:
+    """Return normalised points (P, K, J, C, 2) by person, NaN = not seen, and their tracklets (P, K, C)."""
+    count, instants, joints = sightings.plane.shape[:3]
+    plane = np.full((int(people.max()) + 1, instants, joints, cameras, 2), np.nan)
+    source = np.full((len(plane), instants, cameras), -1)
+    for n in np.flatnonzero(people >= 0):
+        p, c = people[n], sightings.cameras[n]
+        when = np.flatnonzero(sightings.seen[n])
+        plane[p, when, :, c] = sightings.plane[n, when]
+        source[p, when, c] = n
+    return plane, source
+
+
+def with_velocities(joints: FreeJoints, state: Adjustment) -> FreeJoints:
+    """Return the joints with the motion of each point that fits the image velocities of its views."""
+    cameras = state.cameras
+    twists = twists_of(
+        joints.seen,
+        joints.speeds,
+        cameras.lenses,
+        cameras.fisheye,
+        cameras.rotations,
+        cameras.translations,
+        state.targets.rotations,
+        state.targets.translations,
+    )
+    return joints._replace(seen=joints.seen._replace(twists=twists))
+
+
+def with_noise(joints: FreeJoints, state: Adjustment) -> FreeJoints:
+    """Return the joints with variances from their residuals: product of camera, joint, and score.
+
+    Each factor is the median of the squared residuals of a group over the product of the other factors.
+    """
+    seen = joints.seen
+    squares = (residuals_of(seen, state) ** 2).sum(axis=1) / (MEDIAN_SQUARE * freedom(seen, state))
+    edges = np.quantile(joints.scores, np.linspace(0.0, 1.0, SCORE_BINS + 1)[1:-1])
+    groups = (seen.cameras, joints.joints[seen.targets], np.searchsorted(edges, joints.scores))
+    variances = np.full(len(squares), max(float(np.median(squares)), LEAST_NOISE_PX**2))
+    for group in groups:
+        variances = variances * _factors(squares / variances, group)[group]
+    return joints._replace(seen=seen._replace(variances=np.maximum(variances, LEAST_NOISE_PX**2)))
+
+
+def _factors(squares: Array, group: Array) -> Array:
+    """Return the median of the squares (M,) of each group (M,), 1 in small groups."""
+    factors = np.ones(int(group.max()) + 1)
+    for k in range(len(factors)):
+        own = squares[group == k]
+        if len(own) >= FEWEST_IN_GROUP:
+            factors[k] = max(float(np.median(own)), 1e-3)
+    return factors
+
+
+def freedom(seen: Observations, state: Adjustment) -> float:
+    """Return the share of the residuals that cameras and points do not explain."""
+    unknown = int(state.cameras.free.sum()) + 3 * (len(seen.firsts) - 1)
+    return max(1.0 - unknown / (2 * len(seen.pixels)), 0.1)
+
+
+def adjusted(joints: FreeJoints, state: Adjustment, rounds: int) -> tuple[FreeJoints, Adjustment]:
+    """Return the joints with their noise and motion, and the adjusted state, after rounds of both."""
+    for _ in range(rounds):
+        state = adjust(joints.seen, state, SCALE)
+        joints = with_noise(with_velocities(joints, state), state)
+    return joints, adjust(joints.seen, state, SCALE)
+
+
+def kept_joints(joints: FreeJoints, state: Adjustment, good: Array) -> tuple[FreeJoints, Adjustment]:
+    """Return the joints with the good observations (M,) of points that two cameras still see."""
+    seen = joints.seen
+    good = good & (np.bincount(seen.targets, weights=good)[seen.targets] >= 2)
+    used, targets = np.unique(seen.targets[good], return_inverse=True)
+    count = int(good.sum())
+    kept = Observations(
+        seen.cameras[good],
+        targets,
+        np.arange(count + 1),
+        np.searchsorted(targets, np.arange(len(used) + 1)),
+        seen.numbers[good],
+        seen.points[good],
+        seen.pixels[good],
+        seen.variances[good],
+        seen.delays[good],
+        seen.twists[used],
+    )
+    points = Targets(state.targets.rotations[used], state.targets.translations[used])
+    found = FreeJoints(
+        kept,
+        joints.speeds[good],
+        joints.scores[good],
+        joints.people[used],
+        joints.instants[used],
+        joints.joints[used],
+    )
+    return found, replace(state, targets=points, shifts=np.zeros(count))

@@ -1,0 +1,164 @@
+"""Link the 2D poses of one camera over time: tracklets, and the image velocities of their joints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from panoptic_ros.domain import ViewDetections
+from panoptic_ros.geometry import Intrinsics
+
+Array = np.ndarray
+GATE = 0.3  # median distance of joints between two frames over the size of the person; people walk 0.1
+GAP = 4.5  # frame periods without the person, after which a tracklet ends
+LONGEST_GAP_S = 0.5  # s, the same limit for slow cameras
+FEWEST_JOINTS = 4  # joints of a 2D pose that is used, and that two poses of a tracklet share
+FEWEST_FRAMES = 8  # of a tracklet
+RIVAL = 2.0  # a second 2D pose within this factor of the distance of the first ends the tracklet
+WINDOW = 3  # frames before and after, over which image velocities are medians
+SLOWEST_S = 0.35  # s, between the two frames of a difference that gives an image velocity
+
+
+@dataclass(frozen=True, eq=False)
+class Tracklet:
+    """2D poses of one person in one camera over time.
+
+    Args:
+        camera: Index of the camera.
+        stamps: (T,) s, increasing.
+        points: (T, J, 2) px, NaN where a joint is missing.
+        scores: (T, J), 0 where it is missing.
+        speeds: (T, J, 2) px/s, image velocity, 0 where unknown.
+        plane: (T, J, 2) undistorted normalised points. plane_speeds: (T, J, 2) s^-1, their velocity.
+    """
+
+    camera: int
+    stamps: Array
+    points: Array
+    scores: Array
+    speeds: Array
+    plane: Array
+    plane_speeds: Array
+
+    def cut(self, first_s: float, last_s: float) -> Tracklet:
+        """Return the part within a time span."""
+        own = (self.stamps >= first_s) & (self.stamps < last_s)
+        arrays = (self.stamps, self.points, self.scores, self.speeds, self.plane, self.plane_speeds)
+        return Tracklet(self.camera, *(array[own] for array in arrays))
+
+    @property
+    def travel(self) -> float:
+        """Return the length of the median joint's way in the image over the median size of the person."""
+        middles = np.nanmedian(self.points, axis=1)
+        steps = np.linalg.norm(middles[WINDOW::WINDOW] - middles[:-WINDOW:WINDOW], axis=1)
+        return float(np.nansum(steps) / np.nanmedian(sizes_of(self.points)))
+
+
+class _Open(NamedTuple):
+    """Tracklet that may go on: its frames, each with stamp, points and scores."""
+
+    frames: list[tuple[float, Array, Array]]
+
+
+def sizes_of(points: Array) -> Array:
+    """Return the diagonals (...) px of the boxes around poses (..., J, 2) px, NaN = missing."""
+    extent = np.nanmax(points, axis=-2) - np.nanmin(points, axis=-2)
+    sizes: Array = np.maximum(np.linalg.norm(extent, axis=-1), 1.0)
+    return sizes
+
+
+def link_camera(
+    camera: int, views: Sequence[ViewDetections], start_ns: int, joints: Array, intrinsics: Intrinsics
+) -> list[Tracklet]:
+    """Return the tracklets of one camera.
+
+    Args:
+        views: Views of the camera, in any order.
+        start_ns: Stamp of time 0.
+        joints: Joints of the skeleton that are used.
+    """
+    ordered = sorted(views, key=lambda view: view.stamp_ns)
+    stamps = np.array([1e-9 * (view.stamp_ns - start_ns) for view in ordered])
+    steps = np.diff(stamps)
+    period = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    longest = min(GAP * period, max(LONGEST_GAP_S, 1.5 * period))
+    running: list[_Open] = []
+    done: list[_Open] = []
+    for stamp, view in zip(stamps, ordered):
+        poses = _poses(view, joints)
+        ended = [own for own in running if stamp - own.frames[-1][0] > longest]
+        done += ended
+        running = [own for own in running if stamp - own.frames[-1][0] <= longest]
+        running = _extended(running, done, float(stamp), poses)
+    done += running
+    return [_tracklet(camera, own, intrinsics) for own in done if len(own.frames) >= FEWEST_FRAMES]
+
+
+def _poses(view: ViewDetections, joints: Array) -> list[tuple[Array, Array]]:
+    """Return points (J, 2) and scores (J,) of the people of a view that are seen, not propagated."""
+    points, scores = view.points[:, joints], view.scores[:, joints]
+    fresh = np.ones(len(points), bool) if view.carried is None else view.carried == 0.0
+    use = fresh & (np.isfinite(points).all(axis=2).sum(axis=1) >= FEWEST_JOINTS)
+    return list(zip(points[use], scores[use]))
+
+
+def _extended(
+    running: list[_Open], done: list[_Open], stamp: float, poses: list[tuple[Array, Array]]
+) -> list[_Open]:
+    """Return the tracklets after one frame; those whose continuation is ambiguous end and move to `done`."""
+    if not running or not poses:
+        return running + [_Open([(stamp, *pose)]) for pose in poses]
+    last = np.stack([own.frames[-1][1] for own in running])
+    now = np.stack([points for points, _ in poses])
+    apart = np.linalg.norm(last[:, None] - now[None], axis=-1)
+    common = np.isfinite(apart).sum(axis=2)
+    cost = np.full(common.shape, np.inf)
+    for k, j in np.argwhere(common >= FEWEST_JOINTS):
+        cost[k, j] = np.nanmedian(apart[k, j])
+    cost = cost / sizes_of(last)[:, None]
+    cost[cost > GATE] = np.inf
+    ended, taken = set(), set()
+    for row, column in zip(*linear_sum_assignment(np.where(np.isfinite(cost), cost, 1e3))):
+        if not np.isfinite(cost[row, column]):
+            continue
+        rivals = np.concatenate([np.delete(cost[row], column), np.delete(cost[:, column], row)])
+        if len(rivals) and rivals.min() < RIVAL * cost[row, column]:
+            ended.add(int(row))
+            continue
+        running[row].frames.append((stamp, *poses[column]))
+        taken.add(int(column))
+    done += [own for k, own in enumerate(running) if k in ended]
+    going = [own for k, own in enumerate(running) if k not in ended]
+    return going + [_Open([(stamp, *pose)]) for k, pose in enumerate(poses) if k not in taken]
+
+
+def _tracklet(camera: int, own: _Open, intrinsics: Intrinsics) -> Tracklet:
+    stamps = np.array([stamp for stamp, _, _ in own.frames])
+    points = np.stack([points for _, points, _ in own.frames])
+    scores = np.stack([scores for _, _, scores in own.frames])
+    plane = intrinsics.undistort(points)
+    speeds, plane_speeds = image_velocities(stamps, points), image_velocities(stamps, plane)
+    return Tracklet(camera, stamps, points, scores, speeds, plane, plane_speeds)
+
+
+def image_velocities(stamps: Array, points: Array) -> Array:
+    """Return the image velocities (T, J, 2) px/s: medians of central differences over 1 to `WINDOW` frames.
+
+    A median withstands single outliers and exchanged sides. It is 0 where no difference exists.
+    """
+    count = len(stamps)
+    slopes = np.full((WINDOW, *points.shape), np.nan)
+    for k in range(1, WINDOW + 1):
+        before = np.maximum(np.arange(count) - k, 0)
+        after = np.minimum(np.arange(count) + k, count - 1)
+        step = stamps[after] - stamps[before]
+        good = (step > 0.0) & (step < SLOWEST_S)
+        slopes[k - 1, good] = (points[after] - points[before])[good] / step[good][:, None, None]
+    known = np.isfinite(slopes).any(axis=0)
+    speeds = np.zeros(points.shape)
+    speeds[known] = np.nanmedian(np.where(known, slopes, 0.0), axis=0)[known]
+    return speeds
