@@ -25,6 +25,9 @@ MOST_POINTS = 6000  # free joints of an adjustment; more change errors by little
 START_PX = 10.0  # px, noise with which points are started, and gates them
 SCALE = 2.0  # scale of the Cauchy weights, in standard deviations
 MEDIAN_SQUARE = 2.0 * np.log(2.0)  # median of a chi-squared variable with two degrees of freedom
+LEAST_SHARE = 0.1  # redundancy below which a residual is too small to tell the noise
+NEAREST_M = 0.1  # m, depth
+STEPS = 8  # of a round before the last
 LEAST_NOISE_PX = 0.05  # px
 SCORE_BINS = 6  # groups of equal size by score, with a noise of their own
 FEWEST_IN_GROUP = 60  # residuals that determine the noise of a group
@@ -122,13 +125,35 @@ def with_noise(joints: FreeJoints, state: Adjustment) -> FreeJoints:
     Each factor is the median of the squared residuals of a group over the product of the other factors.
     """
     seen = joints.seen
-    squares = (residuals_of(seen, state) ** 2).sum(axis=1) / (MEDIAN_SQUARE * freedom(seen, state))
+    squares = (residuals_of(seen, state) ** 2).sum(axis=1) / MEDIAN_SQUARE / redundancies(seen, state)
     edges = np.quantile(joints.scores, np.linspace(0.0, 1.0, SCORE_BINS + 1)[1:-1])
     groups = (seen.cameras, joints.joints[seen.targets], np.searchsorted(edges, joints.scores))
     variances = np.full(len(squares), max(float(np.median(squares)), LEAST_NOISE_PX**2))
     for group in groups:
         variances = variances * _factors(squares / variances, group)[group]
     return joints._replace(seen=seen._replace(variances=np.maximum(variances, LEAST_NOISE_PX**2)))
+
+
+def redundancies(seen: Observations, state: Adjustment) -> Array:
+    """Return the share (M,) of the noise of each observation that its residual shows; its point hides the rest.
+
+    Without it, a camera whose noise seems small draws all points to its rays, and seems to have none.
+    """
+    cameras = state.cameras
+    turn = cameras.rotations[seen.cameras]
+    local = np.einsum("mij,mj->mi", turn, state.targets.translations[seen.targets])
+    local += cameras.translations[seen.cameras]
+    depth = np.maximum(local[:, 2], NEAREST_M)[:, None, None]
+    slope = (turn[:, :2] - (local[:, :2] / local[:, 2:])[:, :, None] * turn[:, 2:]) / depth
+    slope *= cameras.lenses[seen.cameras, :2, None]
+    misses = (residuals_of(seen, state) ** 2).sum(axis=1) / seen.variances
+    weights = 1.0 / (seen.variances * (1.0 + misses / SCALE**2))
+    own = weights[:, None, None] * np.einsum("mki,mkj->mij", slope, slope)
+    information = np.add.reduceat(own, seen.firsts[:-1], axis=0)
+    information += 1e-9 * np.trace(information, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    leverage = 0.5 * np.einsum("mij,mji->m", own, np.linalg.inv(information)[seen.targets])
+    shares: Array = np.clip(1.0 - leverage, LEAST_SHARE, 1.0)
+    return shares
 
 
 def _factors(squares: Array, group: Array) -> Array:
@@ -141,16 +166,25 @@ def _factors(squares: Array, group: Array) -> Array:
     return factors
 
 
-def freedom(seen: Observations, state: Adjustment) -> float:
-    """Return the share of the residuals that cameras and points do not explain."""
-    unknown = int(state.cameras.free.sum()) + 3 * (len(seen.firsts) - 1)
-    return max(1.0 - unknown / (2 * len(seen.pixels)), 0.1)
+def repetition(joints: FreeJoints, state: Adjustment) -> float:
+    """Return the factor of the variances that accounts for noise that lasts (Moulton 1986, design effect).
+
+    Residuals of one joint of one person in one camera are summed: independent ones add up like a random walk, a
+    constant bias of the detector adds up in proportion to time.
+    """
+    seen = joints.seen
+    scale = np.sqrt(seen.variances * redundancies(seen, state))
+    normal = residuals_of(seen, state) / scale[:, None]
+    person, joint = joints.people[seen.targets], joints.joints[seen.targets]
+    group = np.unique(np.stack([seen.cameras, person, joint]), axis=1, return_inverse=True)[1].reshape(-1)
+    sums = np.stack([np.bincount(group, weights=normal[:, k]) for k in range(2)])
+    return float((sums**2).sum() / (2.0 * len(normal)))
 
 
 def adjusted(joints: FreeJoints, state: Adjustment, rounds: int) -> tuple[FreeJoints, Adjustment]:
     """Return the joints with their noise and motion, and the adjusted state, after rounds of both."""
     for _ in range(rounds):
-        state = adjust(joints.seen, state, SCALE)
+        state = adjust(joints.seen, state, SCALE, STEPS)
         joints = with_noise(with_velocities(joints, state), state)
     return joints, adjust(joints.seen, state, SCALE)
 

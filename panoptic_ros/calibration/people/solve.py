@@ -15,8 +15,8 @@ from panoptic_ros.calibration.people.free_joints import (
     FreeJoints,
     adjusted,
     free_joints,
-    freedom,
     kept_joints,
+    repetition,
 )
 from panoptic_ros.calibration.people.identities import identities_of
 from panoptic_ros.calibration.people.pairs import (
@@ -43,7 +43,7 @@ Array = np.ndarray
 JOINTS = ("Neck", "BodyCenter")  # of panoptic19, and those of both sides below; a face is seen from one side only
 LIMB_JOINTS = ("Shoulder", "Elbow", "Wrist", "Hip", "Knee", "Ankle")
 ROUNDS = 3  # of the adjustment, each with noise and motion from the residuals of the last
-PASSES = 3  # of people, instants and adjustment: offsets and identities of one are the start of the next
+PASSES = 2  # of people, instants and adjustment: offsets and identities of one are the start of the next
 
 
 class CalibratedPeople(NamedTuple):
@@ -206,9 +206,7 @@ def _finished(
     joints, state = kept_joints(joints, state, good)
     seen = joints.seen
     state = adjust(seen, state, PLAIN)
-    normal = (residuals_of(seen, state) ** 2).sum(axis=1) / seen.variances
-    share = 0.5 * normal.mean() / freedom(seen, state)
-    seen = seen._replace(variances=seen.variances * share)
+    seen = seen._replace(variances=seen.variances * repetition(joints, state))
     try:
         covariance, index = covariance_of(seen, state)
     except np.linalg.LinAlgError:
