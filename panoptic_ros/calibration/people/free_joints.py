@@ -15,7 +15,6 @@ from panoptic_ros.calibration.bundle import (
     adjust,
     residuals_of,
 )
-from panoptic_ros.calibration.normal_equations import twists_of
 from panoptic_ros.calibration.people.sightings import Sightings
 from panoptic_ros.calibration.projection import POSE
 from panoptic_ros.geometry import ProjectionStack, triangulate_robust
@@ -38,7 +37,7 @@ class FreeJoints(NamedTuple):
 
     Args:
         seen: Observations of the adjustment.
-        speeds: (M, 2) px/s. scores: (M,).
+        speeds: (M, 2) s^-1, velocity on the normalised plane. scores: (M,).
         people, instants, joints: (B,) person, index of the instant and joint of each point.
     """
 
@@ -50,6 +49,13 @@ class FreeJoints(NamedTuple):
     joints: Array
 
 
+class Sides(NamedTuple):
+    """Joint of the other side (J,), and limb (J,) of each used joint: arms 0, legs 1, none -1."""
+
+    mirror: Array
+    limb: Array
+
+
 def free_joints(sightings: Sightings, people: Array, cameras: CameraStates) -> tuple[FreeJoints, Adjustment]:
     """Return the joints of all people that two cameras see, with their triangulated positions.
 
@@ -58,10 +64,7 @@ def free_joints(sightings: Sightings, people: Array, cameras: CameraStates) -> t
     """
     plane, source = _by_person(sightings, people, len(cameras))
     views = np.isfinite(plane).all(axis=-1).sum(axis=-1)
-    every = np.argwhere(views >= 2)
-    every = every[np.lexsort((every[:, 2], every[:, 0], every[:, 1]))]
-    chosen = every[np.unique(np.linspace(0, len(every) - 1, MOST_POINTS).astype(int))]
-    who, when, joint = chosen.T
+    who, when, joint = _thinned(views >= 2)
     stack = ProjectionStack(cameras.rotations, cameras.translations, cameras.lenses[:, :2].mean(axis=1))
     own = plane[who, when, joint]
     found = triangulate_robust(stack, own, np.full(own.shape[:2], START_PX))
@@ -86,8 +89,21 @@ def free_joints(sightings: Sightings, people: Array, cameras: CameraStates) -> t
     )
     targets = Targets(np.tile(np.eye(3), (len(points), 1, 1)), points)
     state = Adjustment(cameras, targets, np.zeros(count))
-    joints = FreeJoints(seen, sightings.speeds[at], sightings.scores[at], who, when, joint)
+    joints = FreeJoints(seen, sightings.plane_speeds[at], sightings.scores[at], who, when, joint)
     return with_velocities(joints, state), state
+
+
+def _thinned(known: Array) -> tuple[Array, Array, Array]:
+    """Return person, instant and joint of at most `MOST_POINTS` of known joints (P, K, J), sorted by instant.
+
+    Whole bodies are chosen, evenly over time.
+    """
+    when, who = np.nonzero(known.any(axis=2).T)
+    count = int(known.sum())
+    most = max(1, int(len(when) * min(1.0, MOST_POINTS / max(count, 1))))
+    chosen = np.unique(np.linspace(0, len(when) - 1, most).astype(int))
+    body, joint = np.nonzero(known[who[chosen], when[chosen]])
+    return who[chosen][body], when[chosen][body], joint
 
 
 def _by_person(sightings: Sightings, people: Array, cameras: int) -> tuple[Array, Array]:
@@ -104,19 +120,44 @@ def _by_person(sightings: Sightings, people: Array, cameras: int) -> tuple[Array
 
 
 def with_velocities(joints: FreeJoints, state: Adjustment) -> FreeJoints:
-    """Return the joints with the motion of each point that fits the image velocities of its views."""
+    """Return the joints with the motion of each point that fits the image velocities of its views best.
+
+    Views count by their weight in the adjustment: image velocities of guessed joints are noise, which would make
+    points seem slow or fast and draw clock offsets to 0.
+    """
+    seen = joints.seen
+    slopes, weights = _slopes(seen, state), _weights(seen, state)
+    speeds = joints.speeds * state.cameras.lenses[seen.cameras, :2]
+    information = _by_point(seen, weights[:, None, None] * np.einsum("mki,mkj->mij", slopes, slopes))
+    pull = np.add.reduceat(weights[:, None] * np.einsum("mki,mk->mi", slopes, speeds), seen.firsts[:-1], axis=0)
+    twists = np.zeros((len(information), POSE))
+    twists[:, 3:] = np.linalg.solve(information, pull[..., None])[..., 0]
+    return joints._replace(seen=seen._replace(twists=twists))
+
+
+def _slopes(seen: Observations, state: Adjustment) -> Array:
+    """Return the derivatives (M, 2, 3) px/m of undistorted pixels by the points."""
     cameras = state.cameras
-    twists = twists_of(
-        joints.seen,
-        joints.speeds,
-        cameras.lenses,
-        cameras.fisheye,
-        cameras.rotations,
-        cameras.translations,
-        state.targets.rotations,
-        state.targets.translations,
-    )
-    return joints._replace(seen=joints.seen._replace(twists=twists))
+    turn = cameras.rotations[seen.cameras]
+    local = np.einsum("mij,mj->mi", turn, state.targets.translations[seen.targets])
+    local += cameras.translations[seen.cameras]
+    depth = np.maximum(local[:, 2], NEAREST_M)[:, None, None]
+    slopes = (turn[:, :2] - local[:, :2, None] * turn[:, 2:] / depth) / depth
+    scaled: Array = slopes * cameras.lenses[seen.cameras, :2, None]
+    return scaled
+
+
+def _weights(seen: Observations, state: Adjustment) -> Array:
+    """Return the weights (M,) px^-2 of observations in the adjustment."""
+    misses = (residuals_of(seen, state) ** 2).sum(axis=1) / seen.variances
+    weights: Array = 1.0 / (seen.variances * (1.0 + misses / SCALE**2))
+    return weights
+
+
+def _by_point(seen: Observations, own: Array) -> Array:
+    """Return the information (B, 3, 3) of each point, the sum of those (M, 3, 3) of its views."""
+    information: Array = np.add.reduceat(own, seen.firsts[:-1], axis=0)
+    return information + 1e-9 * np.trace(information, axis1=1, axis2=2)[:, None, None] * np.eye(3)
 
 
 def with_noise(joints: FreeJoints, state: Adjustment) -> FreeJoints:
@@ -139,18 +180,9 @@ def redundancies(seen: Observations, state: Adjustment) -> Array:
 
     Without it, a camera whose noise seems small draws all points to its rays, and seems to have none.
     """
-    cameras = state.cameras
-    turn = cameras.rotations[seen.cameras]
-    local = np.einsum("mij,mj->mi", turn, state.targets.translations[seen.targets])
-    local += cameras.translations[seen.cameras]
-    depth = np.maximum(local[:, 2], NEAREST_M)[:, None, None]
-    slope = (turn[:, :2] - (local[:, :2] / local[:, 2:])[:, :, None] * turn[:, 2:]) / depth
-    slope *= cameras.lenses[seen.cameras, :2, None]
-    misses = (residuals_of(seen, state) ** 2).sum(axis=1) / seen.variances
-    weights = 1.0 / (seen.variances * (1.0 + misses / SCALE**2))
-    own = weights[:, None, None] * np.einsum("mki,mkj->mij", slope, slope)
-    information = np.add.reduceat(own, seen.firsts[:-1], axis=0)
-    information += 1e-9 * np.trace(information, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    slopes = _slopes(seen, state)
+    own = _weights(seen, state)[:, None, None] * np.einsum("mki,mkj->mij", slopes, slopes)
+    information = _by_point(seen, own)
     leverage = 0.5 * np.einsum("mij,mji->m", own, np.linalg.inv(information)[seen.targets])
     shares: Array = np.clip(1.0 - leverage, LEAST_SHARE, 1.0)
     return shares
@@ -181,12 +213,41 @@ def repetition(joints: FreeJoints, state: Adjustment) -> float:
     return float((sums**2).sum() / (2.0 * len(normal)))
 
 
-def adjusted(joints: FreeJoints, state: Adjustment, rounds: int) -> tuple[FreeJoints, Adjustment]:
-    """Return the joints with their noise and motion, and the adjusted state, after rounds of both."""
+def adjusted(
+    joints: FreeJoints, state: Adjustment, rounds: int, sides: Sides
+) -> tuple[FreeJoints, Adjustment]:
+    """Return the joints with their noise and motion, and the adjusted state, after rounds of both.
+
+    Limbs that a view shows exchanged, left for right, are left out: legs are apart along the walk, so they would
+    look like a clock offset.
+    """
     for _ in range(rounds):
         state = adjust(joints.seen, state, SCALE, STEPS)
         joints = with_noise(with_velocities(joints, state), state)
+        joints, state = kept_joints(joints, state, ~exchanged(joints, state, sides))
     return joints, adjust(joints.seen, state, SCALE)
+
+
+def exchanged(joints: FreeJoints, state: Adjustment, sides: Sides) -> Array:
+    """Return which observations (M,) are of a limb that its view shows on the other side."""
+    seen = joints.seen
+    shape = (int(joints.people.max()) + 1, int(joints.instants.max()) + 1, len(sides.mirror))
+    table = np.full(shape, -1)
+    table[joints.people, joints.instants, joints.joints] = np.arange(len(joints.people))
+    person, instant, joint = (row[seen.targets] for row in (joints.people, joints.instants, joints.joints))
+    other = table[person, instant, sides.mirror[joint]]
+    limb = np.where(other >= 0, sides.limb[joint], -1)
+    mirrored = residuals_of(seen._replace(targets=np.where(other >= 0, other, seen.targets)), state)
+    losses = [
+        np.log1p((misses**2).sum(axis=1) / seen.variances / SCALE**2)
+        for misses in (residuals_of(seen, state), mirrored)
+    ]
+    limbs = int(sides.limb.max()) + 1
+    key = ((seen.cameras * shape[0] + person) * shape[1] + instant) * limbs + limb
+    group = np.unique(np.where(limb >= 0, key, -1), return_inverse=True)[1].reshape(-1)
+    own, their = (np.bincount(group, weights=loss) for loss in losses)
+    found: Array = (limb >= 0) & (their < own)[group]
+    return found
 
 
 def kept_joints(joints: FreeJoints, state: Adjustment, good: Array) -> tuple[FreeJoints, Adjustment]:

@@ -22,7 +22,7 @@ class Sightings(NamedTuple):
         seen: (N, K) whether the tracklet has a frame near the instant.
         late: (N, K) s, time of that frame, on the clock of its camera, minus the instant.
         points: (N, K, J, 2) px of that frame, NaN where a joint is missing.
-        scores: (N, K, J). speeds: (N, K, J, 2) px/s.
+        scores: (N, K, J). plane_speeds: (N, K, J, 2) s^-1.
         plane: (N, K, J, 2) undistorted normalised points, moved to the instant along their velocity.
     """
 
@@ -32,7 +32,7 @@ class Sightings(NamedTuple):
     late: Array
     points: Array
     scores: Array
-    speeds: Array
+    plane_speeds: Array
     plane: Array
 
 
@@ -56,7 +56,7 @@ def sightings_at(tracklets: Sequence[Tracklet], instants: Array, offsets: Array)
         seen[n] = good
         late[n, good] = own.stamps[frames] - instants[good]
         points[n, good], scores[n, good] = own.points[frames], own.scores[frames]
-        speeds[n, good] = own.speeds[frames]
+        speeds[n, good] = own.plane_speeds[frames]
         plane[n, good] = own.plane[frames]
         plane[n, good] -= own.plane_speeds[frames] * (times[frames] - instants[good])[:, None, None]
     cameras = np.array([own.camera for own in tracklets])

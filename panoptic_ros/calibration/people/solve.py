@@ -13,6 +13,7 @@ from panoptic_ros.calibration.people.bones import Bones, bones_of
 from panoptic_ros.calibration.people.excerpts import Excerpt, excerpt_of
 from panoptic_ros.calibration.people.free_joints import (
     FreeJoints,
+    Sides,
     adjusted,
     free_joints,
     kept_joints,
@@ -42,6 +43,11 @@ from panoptic_ros.stage import Progress
 Array = np.ndarray
 JOINTS = ("Neck", "BodyCenter")  # of panoptic19, and those of both sides below; a face is seen from one side only
 LIMB_JOINTS = ("Shoulder", "Elbow", "Wrist", "Hip", "Knee", "Ankle")
+_ARM = len(LIMB_JOINTS) // 2
+SIDES = Sides(
+    np.array([*range(len(JOINTS)), *range(2 + 2 * _ARM, 2 + 4 * _ARM), *range(2, 2 + 2 * _ARM)]),
+    np.array([-1, -1, *([0] * _ARM + [1] * _ARM) * 2]),
+)
 ROUNDS = 3  # of the adjustment, each with noise and motion from the residuals of the last
 PASSES = 2  # of people, instants and adjustment: offsets and identities of one are the start of the next
 
@@ -110,7 +116,7 @@ def calibrate_people(
     states = _placed(states, [pose for pose in poses if pose is not None])
     people = identities_of(sparse, [match for link in links.values() for match in link.matches])
     joints_found, state = free_joints(sparse, people, states)
-    joints_found, state = adjusted(joints_found, state, ROUNDS)
+    joints_found, state = adjusted(joints_found, state, ROUNDS, SIDES)
     if clocks:
         state = replace(state, cameras=_with_clocks(state.cameras))
     for k in range(PASSES):
@@ -119,7 +125,7 @@ def calibrate_people(
         people = identities_of(sparse, _matches(cameras, sparse, state.cameras))
         dense = sightings_at(excerpt.tracklets, excerpt.dense, state.cameras.offsets)
         joints_found, state = free_joints(dense, people, state.cameras)
-        joints_found, state = adjusted(joints_found, state, ROUNDS)
+        joints_found, state = adjusted(joints_found, state, ROUNDS, SIDES)
     supports = {pair: int(round(sum(m.score for m in link.matches))) for pair, link in links.items()}
     rig, joints_found = _finished(cameras, joints_found, state, supports)
     return CalibratedPeople(rig, joints_found, excerpt.dense, bones)
