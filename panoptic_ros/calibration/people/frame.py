@@ -21,6 +21,7 @@ LOW_SHARE = 15.0  # percent, ankles below the floor's start: people may stand on
 NEAR_FLOOR_M = (0.08, 0.05, 0.03)  # m, distance of ankles from the plane that fit it, by round
 ANKLE_SD_M = 0.02  # m, of a standing ankle, the same in about `REPEATED` instants
 REPEATED = 10.0
+HEIGHT_SD_M = 0.012  # m, of the heights of people's ankles, shoes included
 LEAN_SD = 0.03  # rad, of the mean axis of bodies
 
 
@@ -137,24 +138,30 @@ def body_axis(bodies: Bodies) -> Array:
 
 
 def _floor(bodies: Bodies, up: Array) -> tuple[Array, float]:
-    """Return the up direction and the height of standing ankles along it."""
-    every = bodies.positions[:, :, ANKLES].reshape(-1, 3)
-    ankles = every[bodies.speeds[:, :, ANKLES].reshape(-1) < STANDING_M_S]
-    if not len(ankles):
-        ankles = every[np.isfinite(every).all(axis=1)]
-    if not len(ankles):
-        known = bodies.positions.reshape(-1, 3) @ up
-        return up, float(np.nanmin(known))
+    """Return the up direction and the height of standing ankles along it.
+
+    A plane is fitted to standing ankles. Each person has an own height of the ankle, and bodies are upright on
+    average: both enter with their spread.
+    """
+    every = bodies.positions[:, :, ANKLES]
+    standing = bodies.speeds[:, :, ANKLES] < STANDING_M_S
+    standing = standing if standing.any() else np.isfinite(every).all(axis=-1)
+    if not standing.any():
+        return up, float(np.nanmin(bodies.positions.reshape(-1, 3) @ up))
+    ankles, person = every[standing], np.nonzero(standing)[0]
     height = float(np.percentile(ankles @ up, LOW_SHARE))
     for near in NEAR_FLOOR_M:
-        own = ankles[np.abs(ankles @ up - height) < near]
-        if not len(own):
+        use = np.abs(ankles @ up - height) < near
+        if not use.any():
             break
-        middle = own.mean(axis=0)
-        away = (own - middle) - np.outer((own - middle) @ up, up)
-        square = away.T @ away / (REPEATED * ANKLE_SD_M**2) + np.eye(3) / LEAN_SD**2
-        pull = away.T @ ((own - middle) @ up) / (REPEATED * ANKLE_SD_M**2)
-        up = up - np.linalg.solve(square, pull)
+        own, middle = ankles[use], ankles[use].mean(axis=0)
+        level = np.linalg.svd(up[None])[2][1:]
+        people = np.eye(len(bodies.positions))[person[use]]
+        rows = np.column_stack([(own - middle) @ level.T, np.ones(len(own)), people])
+        prior = np.array([1.0 / LEAN_SD**2] * 2 + [0.0] + [1.0 / HEIGHT_SD_M**2] * people.shape[1])
+        weight = 1.0 / (REPEATED * ANKLE_SD_M**2)
+        found = np.linalg.solve(weight * rows.T @ rows + np.diag(prior), weight * rows.T @ (own @ up))
+        up = up - found[:2] @ level
         up = up / np.linalg.norm(up)
         height = float(np.median(own @ up))
     return up, height
