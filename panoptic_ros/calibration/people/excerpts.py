@@ -11,7 +11,7 @@ from panoptic_ros.calibration.people.tracklets import FEWEST_FRAMES, Tracklet
 
 Array = np.ndarray
 SEGMENT_S = 5.0  # s, length of a part
-MOST_SEGMENTS = 12  # parts, a minute: more change errors by little and cost time
+MOST_SEGMENTS = 6  # parts, half a minute: more change errors by little and cost time
 SPARSE_HZ = 10.0  # Hz, instants of essential matrices and identities; people move 0.1 m between them
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -28,25 +29,32 @@ class Tracklet:
     """2D poses of one person in one camera over time.
 
     Args:
-        camera: Index of the camera.
+        camera: Index of the camera. intrinsics: Its lens.
         stamps: (T,) s, increasing.
         points: (T, J, 2) px, NaN where a joint is missing.
         scores: (T, J), 0 where it is missing.
-        plane: (T, J, 2) undistorted normalised points. plane_speeds: (T, J, 2) s^-1, their velocity, 0 where unknown.
     """
 
     camera: int
+    intrinsics: Intrinsics
     stamps: Array
     points: Array
     scores: Array
-    plane: Array
-    plane_speeds: Array
 
     def cut(self, first_s: float, last_s: float) -> Tracklet:
         """Return the part within a time span."""
-        own = (self.stamps >= first_s) & (self.stamps < last_s)
-        arrays = (self.stamps, self.points, self.scores, self.plane, self.plane_speeds)
-        return Tracklet(self.camera, *(array[own] for array in arrays))
+        own = slice(*np.searchsorted(self.stamps, [first_s, last_s]))
+        return replace(self, stamps=self.stamps[own], points=self.points[own], scores=self.scores[own])
+
+    @cached_property
+    def plane(self) -> Array:
+        """Return the undistorted normalised points (T, J, 2)."""
+        return self.intrinsics.undistort(self.points)
+
+    @cached_property
+    def plane_speeds(self) -> Array:
+        """Return their velocities (T, J, 2) s^-1, 0 where unknown."""
+        return image_velocities(self.stamps, self.plane)
 
     @property
     def travel(self) -> float:
@@ -114,10 +122,8 @@ def _extended(
     now = np.stack([points for points, _ in poses])
     apart = np.linalg.norm(last[:, None] - now[None], axis=-1)
     common = np.isfinite(apart).sum(axis=2)
-    cost = np.full(common.shape, np.inf)
-    for k, j in np.argwhere(common >= FEWEST_JOINTS):
-        cost[k, j] = np.nanmedian(apart[k, j])
-    cost = cost / sizes_of(last)[:, None]
+    median = np.take_along_axis(np.sort(apart, axis=2), np.maximum(common - 1, 0)[..., None] // 2, axis=2)[..., 0]
+    cost = np.where(common >= FEWEST_JOINTS, median, np.inf) / sizes_of(last)[:, None]
     cost[cost > GATE] = np.inf
     ended, taken = set(), set()
     for row, column in zip(*linear_sum_assignment(np.where(np.isfinite(cost), cost, 1e3))):
@@ -135,11 +141,8 @@ def _extended(
 
 
 def _tracklet(camera: int, own: _Open, intrinsics: Intrinsics) -> Tracklet:
-    stamps = np.array([stamp for stamp, _, _ in own.frames])
-    points = np.stack([points for _, points, _ in own.frames])
-    scores = np.stack([scores for _, _, scores in own.frames])
-    plane = intrinsics.undistort(points)
-    return Tracklet(camera, stamps, points, scores, plane, image_velocities(stamps, plane))
+    stamps, points, scores = zip(*own.frames)
+    return Tracklet(camera, intrinsics, np.array(stamps), np.stack(points), np.stack(scores))
 
 
 def image_velocities(stamps: Array, points: Array) -> Array:
