@@ -15,6 +15,11 @@ from panoptic_ros.geometry import Rigid
 Array = np.ndarray
 NECK, HIPS = 0, 1  # used joints
 ANKLES = [2 + len(LIMB_JOINTS) * side + LIMB_JOINTS.index("Ankle") for side in range(2)]
+LEG_BONES = [  # pairs of used joints: both thighs and shanks
+    (2 + len(LIMB_JOINTS) * side + LIMB_JOINTS.index(a), 2 + len(LIMB_JOINTS) * side + LIMB_JOINTS.index(b))
+    for side in range(2)
+    for a, b in (("Hip", "Knee"), ("Knee", "Ankle"))
+]
 TAPE_SD_M = 0.005  # m, of a tape-measured distance of two lenses
 STANDING_M_S = 0.3  # m/s, speed of an ankle below which its foot stands on the floor
 LOW_SHARE = 15.0  # percent, ankles below the floor's start: people may stand on steps, joints may be wrong
@@ -22,7 +27,8 @@ NEAR_FLOOR_M = (0.08, 0.05, 0.03)  # m, distance of ankles from the plane that f
 ANKLE_SD_M = 0.02  # m, of a standing ankle, the same in about `REPEATED` instants
 REPEATED = 10.0
 HEIGHT_SD_M = 0.012  # m, of the heights of people's ankles, shoes included
-LEAN_SD = 0.03  # rad, of the mean axis of bodies
+STRAIGHT = 0.93  # distance of neck and ankles over the length of trunk and legs, of a standing person
+LEAN_SD, SLOUCH_SD = 0.03, 0.2  # rad, of the mean axis of standing bodies, of the trunk of people who sit
 
 
 class Bodies(NamedTuple):
@@ -109,8 +115,7 @@ def world_of(found: CalibratedPeople) -> Rigid:
     spread over the floor.
     """
     bodies = bodies_of(found)
-    up = body_axis(bodies)
-    up, height = _floor(bodies, up)
+    up, height = _floor(bodies, *body_axis(bodies))
     middle = np.nanmedian(bodies.positions.reshape(-1, 3), axis=0)
     origin = middle - up * (middle @ up - height + ANKLE_SHARE * STATURE_M)
     ahead = found.rig.state.cameras.rotations[0, 2]
@@ -123,21 +128,27 @@ def world_of(found: CalibratedPeople) -> Rigid:
     return Rigid(rotation, -rotation @ origin)
 
 
-def body_axis(bodies: Bodies) -> Array:
-    """Return the unit median direction (3,) from ankles, or hips where no ankle is seen, to the neck."""
-    for low in (bodies.positions[:, :, ANKLES].mean(axis=2), bodies.positions[:, :, HIPS]):
-        axes = (bodies.positions[:, :, NECK] - low).reshape(-1, 3)
-        axes = axes[np.isfinite(axes).all(axis=1)]
+def body_axis(bodies: Bodies) -> tuple[Array, float]:
+    """Return the unit median direction (3,) of bodies, and its standard deviation, rad.
+
+    It is from ankles to neck of people with straight legs; from hips to neck if nobody stands.
+    """
+    neck, hips = bodies.positions[:, :, NECK], bodies.positions[:, :, HIPS]
+    ankles = bodies.positions[:, :, ANKLES].mean(axis=2)
+    legs = sum(
+        np.linalg.norm(bodies.positions[:, :, a] - bodies.positions[:, :, b], axis=-1) for a, b in LEG_BONES
+    )
+    straight = np.linalg.norm(neck - hips, axis=-1) + 0.5 * legs
+    standing = np.linalg.norm(neck - ankles, axis=-1) > STRAIGHT * straight
+    for axes, sd in (((neck - ankles)[standing], LEAN_SD), (neck - hips, SLOUCH_SD)):
+        axes = axes[np.isfinite(axes).all(axis=-1)]
         if len(axes):
-            break
-    else:
-        axes = np.array([[0.0, -1.0, 0.0]])
-    axis = np.median(axes / np.linalg.norm(axes, axis=1, keepdims=True), axis=0)
-    unit: Array = axis / np.linalg.norm(axis)
-    return unit
+            axis = np.median(axes / np.linalg.norm(axes, axis=1, keepdims=True), axis=0)
+            return axis / np.linalg.norm(axis), sd
+    return np.array([0.0, -1.0, 0.0]), 1.0
 
 
-def _floor(bodies: Bodies, up: Array) -> tuple[Array, float]:
+def _floor(bodies: Bodies, up: Array, lean_sd: float) -> tuple[Array, float]:
     """Return the up direction and the height of standing ankles along it.
 
     A plane is fitted to standing ankles. Each person has an own height of the ankle, and bodies are upright on
@@ -158,7 +169,7 @@ def _floor(bodies: Bodies, up: Array) -> tuple[Array, float]:
         level = np.linalg.svd(up[None])[2][1:]
         people = np.eye(len(bodies.positions))[person[use]]
         rows = np.column_stack([(own - middle) @ level.T, np.ones(len(own)), people])
-        prior = np.array([1.0 / LEAN_SD**2] * 2 + [0.0] + [1.0 / HEIGHT_SD_M**2] * people.shape[1])
+        prior = np.array([1.0 / lean_sd**2] * 2 + [0.0] + [1.0 / HEIGHT_SD_M**2] * people.shape[1])
         weight = 1.0 / (REPEATED * ANKLE_SD_M**2)
         found = np.linalg.solve(weight * rows.T @ rows + np.diag(prior), weight * rows.T @ (own @ up))
         up = up - found[:2] @ level

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.calibration.people.frame import HIPS, Bodies, Scale, bodies_of
+from panoptic_ros.calibration.people.frame import HIPS, LEAN_SD, Bodies, Scale, bodies_of, body_axis
 from panoptic_ros.calibration.people.solve import CalibratedPeople
 from panoptic_ros.calibration.projection import OFFSET
 from panoptic_ros.calibration.quality import (
@@ -35,12 +35,14 @@ class PeopleQuality(NamedTuple):
         scale: Scale, with its standard deviation.
         people: Greatest number of people at once.
         walk_m: Spread (m) of their places along the shorter axis of the floor.
+        standing: Whether somebody stands, which gives the up direction.
     """
 
     rig: Quality
     scale: Scale
     people: int
     walk_m: float
+    standing: bool
 
 
 def quality_of_people(found: CalibratedPeople, scale: Scale) -> PeopleQuality:
@@ -68,7 +70,7 @@ def quality_of_people(found: CalibratedPeople, scale: Scale) -> PeopleQuality:
     quality = Quality(cameras, float(np.sqrt((errors**2).mean())), float(np.percentile(errors, 95.0)))
     bodies = bodies_of(found)
     at_once = int(np.isfinite(bodies.positions[..., 0]).any(axis=2).sum(axis=0).max())
-    return PeopleQuality(quality, scale, at_once, walk_of(bodies))
+    return PeopleQuality(quality, scale, at_once, walk_of(bodies), body_axis(bodies)[1] <= LEAN_SD)
 
 
 def walk_of(bodies: Bodies) -> float:
@@ -92,6 +94,11 @@ def doubts_of_people(quality: PeopleQuality) -> list[str]:
         lines.append(
             f"people stay within {quality.walk_m:.2f} m on the floor, so constant errors of the detector do "
             "not average out; let them walk in curves through the whole space"
+        )
+    if not quality.standing:
+        lines.append(
+            "nobody stands upright, so the up direction is that of trunks, wrong by 10 degrees or more; let "
+            "somebody walk"
         )
     scale = quality.scale
     apart = abs(np.log(scale.factor / scale.by_people))

@@ -227,6 +227,7 @@ def _finished(
 def _unlinked(cameras: Sequence[CameraInput], missing: Sequence[int]) -> str:
     names, more = ", ".join(cameras[k].name for k in missing), len(missing) > 1
     return (
-        f"camera{'s' * more} {names} never see{'s' * (not more)} the same people as {cameras[0].name} or a camera "
-        "linked to it; let people walk where both see them whole, or leave out"
+        f"camera{'s' * more} {names} never see{'s' * (not more)} the same people for long enough as "
+        f"{cameras[0].name} or a camera linked to it; let people walk for 5 s where both see them whole, or leave "
+        f"the camera{'s' * more} out"
     )
