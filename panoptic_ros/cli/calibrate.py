@@ -62,8 +62,8 @@ def _add_people_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--people",
         action="store_true",
-        help="calibrate from people who walk, without a board: FOLDER is a capture folder, results of a run, a "
-        "bag, or a file of 2D poses; --intrinsics gives the lenses, unless the recording has a calibration",
+        help="calibrate from people who walk, without a board. FOLDER is a capture folder, results of a run, "
+        "a bag, or a file of 2D poses. --intrinsics gives the lenses, unless the recording has a calibration",
     )
     parser.add_argument(
         "--stature",

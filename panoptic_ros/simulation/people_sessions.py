@@ -1,4 +1,4 @@
-"""Simulated recordings of people for the calibration of cameras: clocks that are off, and a detector with biases."""
+"""Simulated recordings of people, with clocks that are off and a detector with biases."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class PeopleScene:
         activities: One per person, see `people.ACTIVITIES`.
         seconds: Duration, s.
         degradation: Faults of the detector.
-        bias_m: Standard deviation, m per axis of the image, of constant errors of each joint, person and camera.
+        bias_m: Standard deviation, m per image axis, of constant errors of each joint, person and camera.
         lag_s: Largest offset, s, of a camera's images; their stamps do not show it.
         rate_hz: Rate, Hz, of all cameras.
         area_m: Radius, m, of the space that people use.

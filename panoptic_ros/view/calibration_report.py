@@ -116,7 +116,8 @@ def report_page(
         if lines
         else "<p>All limits of a good calibration hold.</p>",
         "<h2>Cameras</h2>" + html_table(HEAD, quality_rows(quality)),
-        "<h2>Instants in which two cameras see the board</h2>" + html_table(("", *(row[0] for row in linked)), linked),
+        "<h2>Instants in which two cameras see the board</h2>",
+        html_table(("", *(row[0] for row in linked)), linked),
         f"<h2>Corners (green) and residuals (red, {MAGNIFIED} times)</h2>",
         *(
             f'<figure><img src="{html.escape(file)}" alt="">'

@@ -9,7 +9,8 @@ import numpy as np
 from panoptic_ros.domain import SkeletonModel
 
 Array = np.ndarray
-STATURE_M, STATURE_SD_M = 1.71, 0.095  # m, adults (NCD-RisC 2016: men 1.71 to 1.78, women 1.59 to 1.65), their spread
+# m, mean stature of adults and its spread (NCD-RisC 2016: men 1.71 to 1.78, women 1.59 to 1.65)
+STATURE_M, STATURE_SD_M = 1.71, 0.095
 # Lengths between joint centres over the stature: means of Drillis and Contini 1966 and of de Leva 1996.
 SHARES = {
     ("Shoulder", "Elbow"): 0.168,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -36,13 +37,16 @@ def excerpt_of(tracklets: Sequence[Tracklet], cameras: int) -> Excerpt:
     edges = np.linspace(0.0, last, count + 1)
     edges[-1] += 1.0
     parts = []
-    for first, end in zip(edges[:-1], edges[1:]):
+    for first, end in pairwise(edges):
         pieces = [own.cut(first, end) for own in tracklets]
         parts.append([own for own in pieces if len(own.stamps) >= FEWEST_FRAMES])
     travel = np.array([sum(own.travel for own in part) for part in parts])
     best = np.sort(np.argsort(-travel, kind="stable")[:MOST_SEGMENTS])
     chosen = [own for k in best for own in parts[k]]
-    stamps = [np.unique(np.concatenate([own.stamps for own in chosen if own.camera == c] or [[]])) for c in range(cameras)]
+    stamps = [
+        np.unique(np.concatenate([own.stamps for own in chosen if own.camera == c] or [[]]))
+        for c in range(cameras)
+    ]
     dense = max(stamps, key=len)
     step = float(np.median(np.diff(dense)))
     every = max(1, round(1.0 / (SPARSE_HZ * step)))

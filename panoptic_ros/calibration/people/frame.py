@@ -22,7 +22,7 @@ LEG_BONES = [  # pairs of used joints: both thighs and shanks
 ]
 TAPE_SD_M = 0.005  # m, of a tape-measured distance of two lenses
 STANDING_M_S = 0.3  # m/s, speed of an ankle below which its foot stands on the floor
-LOW_SHARE = 15.0  # percent, ankles below the floor's start: people may stand on steps, joints may be wrong
+LOW_SHARE = 15.0  # percent of standing ankles below the start of the floor; joints may be wrong
 NEAR_FLOOR_M = (0.08, 0.05, 0.03)  # m, distance of ankles from the plane that fit it, by round
 ANKLE_SD_M = 0.02  # m, of a standing ankle, the same in about `REPEATED` instants
 REPEATED = 10.0
@@ -151,8 +151,8 @@ def body_axis(bodies: Bodies) -> tuple[Array, float]:
 def _floor(bodies: Bodies, up: Array, lean_sd: float) -> tuple[Array, float]:
     """Return the up direction and the height of standing ankles along it.
 
-    A plane is fitted to standing ankles. Each person has an own height of the ankle, and bodies are upright on
-    average: both enter with their spread.
+    A plane is fitted to standing ankles. Each person has an own height of the ankle, with a spread. The given
+    direction is the mean of a prior.
     """
     every = bodies.positions[:, :, ANKLES]
     standing = bodies.speeds[:, :, ANKLES] < STANDING_M_S

@@ -108,7 +108,7 @@ def _thinned(known: Array) -> tuple[Array, Array, Array]:
 
 def _by_person(sightings: Sightings, people: Array, cameras: int) -> tuple[Array, Array]:
     """Return normalised points (P, K, J, C, 2) by person, NaN = not seen, and their tracklets (P, K, C)."""
-    count, instants, joints = sightings.plane.shape[:3]
+    instants, joints = sightings.plane.shape[1:3]
     plane = np.full((int(people.max()) + 1, instants, joints, cameras, 2), np.nan)
     source = np.full((len(plane), instants, cameras), -1)
     for n in np.flatnonzero(people >= 0):
@@ -122,14 +122,15 @@ def _by_person(sightings: Sightings, people: Array, cameras: int) -> tuple[Array
 def with_velocities(joints: FreeJoints, state: Adjustment) -> FreeJoints:
     """Return the joints with the motion of each point that fits the image velocities of its views best.
 
-    Views count by their weight in the adjustment: image velocities of guessed joints are noise, which would make
-    points seem slow or fast and draw clock offsets to 0.
+    Views count by their weight in the adjustment. Image velocities of guessed joints are noise, which draws
+    clock offsets to 0.
     """
     seen = joints.seen
     slopes, weights = _slopes(seen, state), _weights(seen, state)
     speeds = joints.speeds * state.cameras.lenses[seen.cameras, :2]
     information = _by_point(seen, weights[:, None, None] * np.einsum("mki,mkj->mij", slopes, slopes))
-    pull = np.add.reduceat(weights[:, None] * np.einsum("mki,mk->mi", slopes, speeds), seen.firsts[:-1], axis=0)
+    pulls = weights[:, None] * np.einsum("mki,mk->mi", slopes, speeds)
+    pull = np.add.reduceat(pulls, seen.firsts[:-1], axis=0)
     twists = np.zeros((len(information), POSE))
     twists[:, 3:] = np.linalg.solve(information, pull[..., None])[..., 0]
     return joints._replace(seen=seen._replace(twists=twists))
@@ -157,7 +158,8 @@ def _weights(seen: Observations, state: Adjustment) -> Array:
 def _by_point(seen: Observations, own: Array) -> Array:
     """Return the information (B, 3, 3) of each point, the sum of those (M, 3, 3) of its views."""
     information: Array = np.add.reduceat(own, seen.firsts[:-1], axis=0)
-    return information + 1e-9 * np.trace(information, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    information += 1e-9 * np.trace(information, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    return information
 
 
 def with_noise(joints: FreeJoints, state: Adjustment) -> FreeJoints:
@@ -176,9 +178,10 @@ def with_noise(joints: FreeJoints, state: Adjustment) -> FreeJoints:
 
 
 def redundancies(seen: Observations, state: Adjustment) -> Array:
-    """Return the share (M,) of the noise of each observation that its residual shows; its point hides the rest.
+    """Return the share (M,) of the noise of each observation that its residual shows.
 
-    Without it, a camera whose noise seems small draws all points to its rays, and seems to have none.
+    The point follows the rest. Without it, a camera of small noise draws all points to its rays, and its
+    noise seems to be 0.
     """
     slopes = _slopes(seen, state)
     own = _weights(seen, state)[:, None, None] * np.einsum("mki,mkj->mij", slopes, slopes)
@@ -201,8 +204,8 @@ def _factors(squares: Array, group: Array) -> Array:
 def repetition(joints: FreeJoints, state: Adjustment) -> float:
     """Return the factor of the variances that accounts for noise that lasts (Moulton 1986, design effect).
 
-    Residuals of one joint of one person in one camera are summed: independent ones add up like a random walk, a
-    constant bias of the detector adds up in proportion to time.
+    Residuals of one joint of one person in one camera are summed. The sum of independent ones grows with the
+    root of time, that of a constant bias of the detector with time.
     """
     seen = joints.seen
     scale = np.sqrt(seen.variances * redundancies(seen, state))
@@ -218,8 +221,8 @@ def adjusted(
 ) -> tuple[FreeJoints, Adjustment]:
     """Return the joints with their noise and motion, and the adjusted state, after rounds of both.
 
-    Limbs that a view shows exchanged, left for right, are left out: legs are apart along the walk, so they would
-    look like a clock offset.
+    Limbs that a view shows exchanged, left for right, are left out. Legs are apart along the walk, so
+    exchanged ones look like a clock offset.
     """
     for _ in range(rounds):
         state = adjust(joints.seen, state, SCALE, STEPS)

@@ -63,7 +63,9 @@ class _Common(NamedTuple):
 
 def common_joints(seen: Sightings, a: int, b: int) -> _Common | None:
     """Return the common joints of the tracklets of cameras a and b; None if no pair has enough."""
-    pairs, owner, first, second, instants = [], [], [], [], []
+    pairs: list[tuple[int, int]] = []
+    instants: list[int] = []
+    owner, first, second = [], [], []
     good = np.isfinite(seen.plane).all(axis=-1)
     for n in np.flatnonzero(seen.cameras == a):
         for m in np.flatnonzero(seen.cameras == b):
@@ -76,7 +78,7 @@ def common_joints(seen: Sightings, a: int, b: int) -> _Common | None:
             owner.append(np.full(int(use.sum()), len(pairs)))
             first.append(seen.plane[n][use])
             second.append(seen.plane[m][use])
-            pairs.append((n, m))
+            pairs.append((int(n), int(m)))
             instants.append(int(both.sum()))
     if not pairs:
         return None
@@ -215,7 +217,7 @@ def _link(
 
 
 def _triangulated(seen: Sightings, match: Match, pose: Rigid) -> Array:
-    """Return the joints (K, J, 3) of a match in the frame of the first camera, NaN where one view lacks it."""
+    """Return the joints (K, J, 3) of a match in the frame of the first camera; NaN: not in both views."""
     plane = np.stack([seen.plane[match.first], seen.plane[match.second]], axis=2)
     shape = plane.shape[:2]
     stack = ProjectionStack(

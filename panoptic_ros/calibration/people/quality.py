@@ -104,23 +104,25 @@ def doubts_of_people(quality: PeopleQuality) -> list[str]:
     apart = abs(np.log(scale.factor / scale.by_people))
     if apart > SCALE_DOUBT * np.hypot(scale.sd, scale.by_people_sd):
         lines.append(
-            f"the given distance makes people {scale.factor / scale.by_people - 1.0:+.0%} taller than expected; "
-            "check it"
+            f"the given distance makes people {scale.factor / scale.by_people - 1.0:+.0%} taller than "
+            "expected; check it"
         )
     for camera in quality.rig.cameras:
         where = f"camera {camera.name}: "
         if camera.noise_px > GOOD_NOISE_PX:
             lines.append(
-                f"{where}joints miss their rays by {camera.noise_px:.1f} px; check that its intrinsics are of "
-                "this lens, zoom and image size"
+                f"{where}joints miss their rays by {camera.noise_px:.1f} px; check that its intrinsics are "
+                "those of this lens, zoom and image size"
             )
         if camera.coverage < GOOD_COVERAGE:
-            lines.append(f"{where}people were seen in {camera.coverage:.0%} of the image; let them walk there")
+            lines.append(
+                f"{where}people were seen in {camera.coverage:.0%} of the image; let them walk in the rest"
+            )
         if camera.offset_sd_s > 0.0 and abs(camera.offset_s) > ASYNCHRONOUS_S + 2.0 * camera.offset_sd_s:
             lines.append(
                 f"{where}not synchronous: its images are {1e3 * abs(camera.offset_s):.0f} ms "
-                f"{'older' if camera.offset_s < 0.0 else 'newer'} than their stamps against the others; apply "
-                "the clocks file"
+                f"{'older' if camera.offset_s < 0.0 else 'newer'} than their stamps against the others; "
+                "apply the clocks file"
             )
     return lines
 
@@ -132,8 +134,8 @@ def refusals_of_people(quality: PeopleQuality) -> list[str]:
         lines.append("one person stays on the spot; let people walk through the whole space")
     if quality.rig.error_m > REFUSED * GOOD_ERROR_M:
         lines.append(
-            f"positions are predicted to be wrong by {1e3 * quality.rig.error_m:.0f} mm; let people walk longer, "
-            "in all directions"
+            f"positions are predicted to be wrong by {1e3 * quality.rig.error_m:.0f} mm; let people walk "
+            "longer, in all directions"
         )
     return lines
 

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.calibration.bundle import PLAIN, Adjustment, CameraStates, adjust, covariance_of, residuals_of
+from panoptic_ros.calibration.bundle import (
+    PLAIN,
+    Adjustment,
+    CameraStates,
+    adjust,
+    covariance_of,
+    residuals_of,
+)
 from panoptic_ros.calibration.people.bones import Bones, bones_of
-from panoptic_ros.calibration.people.excerpts import Excerpt, excerpt_of
+from panoptic_ros.calibration.people.excerpts import excerpt_of
 from panoptic_ros.calibration.people.free_joints import (
     FreeJoints,
     Sides,
@@ -41,7 +48,8 @@ from panoptic_ros.geometry import Rigid
 from panoptic_ros.stage import Progress
 
 Array = np.ndarray
-JOINTS = ("Neck", "BodyCenter")  # of panoptic19, and those of both sides below; a face is seen from one side only
+# joints of panoptic19 without a side, and with one; a face is seen from one side only
+JOINTS = ("Neck", "BodyCenter")
 LIMB_JOINTS = ("Shoulder", "Elbow", "Wrist", "Hip", "Knee", "Ankle")
 _ARM = len(LIMB_JOINTS) // 2
 SIDES = Sides(
@@ -110,7 +118,8 @@ def calibrate_people(
     states = _states(cameras)
     sparse = sightings_at(excerpt.tracklets, excerpt.sparse, states.offsets)
     links = _links(cameras, sparse, bones, progress)
-    poses, missing = spanning_tree(len(cameras), {pair: (l.pose, 1 + int(1e3 * l.support)) for pair, l in links.items()})
+    supported = {pair: (link.pose, 1 + int(1e3 * link.support)) for pair, link in links.items()}
+    poses, missing = spanning_tree(len(cameras), supported)
     if missing:
         raise CalibrationError(_unlinked(cameras, missing))
     states = _placed(states, [pose for pose in poses if pose is not None])
@@ -126,7 +135,7 @@ def calibrate_people(
         dense = sightings_at(excerpt.tracklets, excerpt.dense, state.cameras.offsets)
         joints_found, state = free_joints(dense, people, state.cameras)
         joints_found, state = adjusted(joints_found, state, ROUNDS, SIDES)
-    supports = {pair: int(round(sum(m.score for m in link.matches))) for pair, link in links.items()}
+    supports = {pair: round(sum(m.score for m in link.matches)) for pair, link in links.items()}
     rig, joints_found = _finished(cameras, joints_found, state, supports)
     return CalibratedPeople(rig, joints_found, excerpt.dense, bones)
 
@@ -216,7 +225,9 @@ def _finished(
     try:
         covariance, index = covariance_of(seen, state)
     except np.linalg.LinAlgError:
-        raise CalibrationError("people do not determine the cameras; let them walk through all views") from None
+        raise CalibrationError(
+            "the people do not determine the cameras; let them walk through all views"
+        ) from None
     own = seen.cameras[seen.views]
     squares = (residuals_of(seen, state) ** 2).sum(axis=1)
     noise = np.array([np.sqrt(0.5 * np.median(squares[own == c])) for c in range(len(cameras))])
@@ -228,6 +239,6 @@ def _unlinked(cameras: Sequence[CameraInput], missing: Sequence[int]) -> str:
     names, more = ", ".join(cameras[k].name for k in missing), len(missing) > 1
     return (
         f"camera{'s' * more} {names} never see{'s' * (not more)} the same people for long enough as "
-        f"{cameras[0].name} or a camera linked to it; let people walk for 5 s where both see them whole, or leave "
-        f"the camera{'s' * more} out"
+        f"{cameras[0].name} or a camera linked to it; let people walk for 5 s where both see them whole, or "
+        f"leave the camera{'s' * more} out"
     )

@@ -122,7 +122,8 @@ def _extended(
     now = np.stack([points for points, _ in poses])
     apart = np.linalg.norm(last[:, None] - now[None], axis=-1)
     common = np.isfinite(apart).sum(axis=2)
-    median = np.take_along_axis(np.sort(apart, axis=2), np.maximum(common - 1, 0)[..., None] // 2, axis=2)[..., 0]
+    middle = np.maximum(common - 1, 0)[..., None] // 2
+    median = np.take_along_axis(np.sort(apart, axis=2), middle, axis=2)[..., 0]
     cost = np.where(common >= FEWEST_JOINTS, median, np.inf) / sizes_of(last)[:, None]
     cost[cost > GATE] = np.inf
     ended, taken = set(), set()
@@ -148,8 +149,8 @@ def _tracklet(camera: int, own: _Open, intrinsics: Intrinsics) -> Tracklet:
 def image_velocities(stamps: Array, points: Array) -> Array:
     """Return the velocities (T, J, 2) s^-1 of image points (T, J, 2); 0 where nothing determines them.
 
-    Each is the median of the slopes between all frames of a window (Theil 1950, Sen 1968). It withstands a quarter
-    of wrong frames: exchanged sides give speeds of several m/s, which would draw clock offsets to 0.
+    Each is the median of the slopes between all frames of a window (Theil 1950, Sen 1968). It withstands a
+    quarter of wrong frames: exchanged sides give speeds of several m/s, which would draw clock offsets to 0.
     """
     count = len(stamps)
     padded = np.full((count + 2 * WINDOW, *points.shape[1:]), np.nan)
@@ -161,7 +162,8 @@ def image_velocities(stamps: Array, points: Array) -> Array:
         for second in range(first + 2, 2 * WINDOW + 1):
             step = times[second : second + count] - times[first : first + count]
             step[~(step < SLOWEST_S)] = np.nan
-            slopes.append((padded[second : second + count] - padded[first : first + count]) / step[:, None, None])
+            moves = padded[second : second + count] - padded[first : first + count]
+            slopes.append(moves / step[:, None, None])
     every = np.stack(slopes)
     known = np.isfinite(every).any(axis=0)
     speeds = np.zeros(points.shape)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from panoptic_ros.calibration.lens_start import LensModel
 from panoptic_ros.calibration.people.frame import scale_of, scaled, world_of
 from panoptic_ros.calibration.people.quality import (
     PeopleQuality,
@@ -17,15 +18,15 @@ from panoptic_ros.calibration.people.quality import (
     refusals_of_people,
 )
 from panoptic_ros.calibration.people.solve import CalibratedPeople, calibrate_people
-from panoptic_ros.calibration.lens_start import LensModel
 from panoptic_ros.calibration.projection import FISHEYE_TERMS, LENS, POSE
 from panoptic_ros.calibration.rig_start import CameraInput
 from panoptic_ros.calibration.world import rig_in_world
 from panoptic_ros.domain import Camera, Rig, SkeletonModel, ViewDetections
-from panoptic_ros.errors import CalibrationError, DataError, UsageError
+from panoptic_ros.errors import CalibrationError, DataError, UsageError, UserError
+from panoptic_ros.io.bags import bag_in
 from panoptic_ros.io.clock_files import write_offsets
 from panoptic_ros.io.files import write_bytes
-from panoptic_ros.io.rigs import write_rig
+from panoptic_ros.io.rigs import find_rig, write_rig
 from panoptic_ros.running.calibration.results import CLOCKS, PAGE, RIG
 from panoptic_ros.running.continuous import read_continuous_task
 from panoptic_ros.running.grouping import views_in_order
@@ -90,10 +91,15 @@ def calibrate_recorded_people(
 def read_views(
     source: Path, intrinsics: Path | None, progress: Progress
 ) -> tuple[Rig, list[ViewDetections], SkeletonModel, tuple[str, ...]]:
-    """Return the cameras with known intrinsics, all 2D poses, their skeleton, and lines about the recording."""
+    """Return the cameras with known intrinsics, all 2D poses, their skeleton, and notices."""
+    if intrinsics is None and bag_in(source) is None:
+        try:
+            find_rig(source)
+        except UserError:
+            raise UsageError(
+                f"{source} has no intrinsics of its cameras; give them with --intrinsics RIG"
+            ) from None
     if source.is_file():
-        if intrinsics is None:
-            raise UsageError(f"{source}: 2D poses without cameras; give their intrinsics with --intrinsics RIG")
         task = read_continuous_task(intrinsics, source, skeleton=SKELETON)
     else:
         task = read_continuous_task(intrinsics, None, skeleton=SKELETON, capture=source, progress=progress)
@@ -135,9 +141,7 @@ def calibrate_views(
         )
     rig = _with_known(rig_in_world(solved.rig, world_of(solved)), known)
     start_ns = min(view.stamp_ns for view in views)
-    return PeopleCalibration(
-        rig, solved, quality, start_ns, tuple(doubts_of_people(quality)), tuple(notices)
-    )
+    return PeopleCalibration(rig, solved, quality, start_ns, tuple(doubts_of_people(quality)), tuple(notices))
 
 
 def _input(camera: Camera) -> CameraInput:
@@ -145,8 +149,8 @@ def _input(camera: Camera) -> CameraInput:
     matrix, terms = camera.intrinsics.matrix, camera.intrinsics.distortion
     if len(terms) > LENS - 4 or matrix[0, 1] != 0.0:
         raise CalibrationError(
-            f"camera {camera.name}: given intrinsics have {len(terms)} terms or a skew; give some with at most "
-            f"{LENS - 4} terms and no skew"
+            f"camera {camera.name}: given intrinsics have {len(terms)} terms or a skew; give some with at "
+            f"most {LENS - 4} terms and no skew"
         )
     lens = np.zeros(LENS)
     lens[:4] = matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
@@ -162,9 +166,9 @@ def _with_known(rig: Rig, known: Rig) -> Rig:
     for found, camera in zip(rig.cameras, known.cameras):
         covariance = found.covariance
         if covariance is not None and camera.covariance is not None:
-            covariance = camera.covariance.copy()
+            poses, covariance = covariance[:POSE, :POSE], camera.covariance.copy()
             covariance[:POSE, POSE:] = covariance[POSE:, :POSE] = 0.0
-            covariance[:POSE, :POSE] = found.covariance[:POSE, :POSE]
+            covariance[:POSE, :POSE] = poses
         cameras.append(replace(camera, cam_from_world=found.cam_from_world, covariance=covariance))
     return Rig(tuple(cameras))
 

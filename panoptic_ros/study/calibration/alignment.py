@@ -37,11 +37,14 @@ def similarity(points: Array, targets: Array) -> Similarity:
 
 
 def triangulated(rig: Rig, pixels: Array, plain: bool = True) -> Array:
-    """Return points (N, 3) m of pixels (N, C, 2), NaN where a camera sees none; NaN with fewer than two views.
+    """Return points (N, 3) m of pixels (N, C, 2), NaN = not seen; NaN with fewer than two views.
 
     Args:
         plain: Least squares; else outliers are left out.
     """
     plane = np.stack([c.intrinsics.undistort(pixels[:, k]) for k, c in enumerate(rig.cameras)], axis=1)
-    options = {"cauchy": PLAIN, "gate": PLAIN} if plain else {}
-    return triangulate_robust(rig.stack(), plane, np.ones(plane.shape[:2]), **options).points
+    if plain:
+        return triangulate_robust(
+            rig.stack(), plane, np.ones(plane.shape[:2]), cauchy=PLAIN, gate=PLAIN
+        ).points
+    return triangulate_robust(rig.stack(), plane, np.ones(plane.shape[:2])).points

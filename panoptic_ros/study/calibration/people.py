@@ -16,7 +16,7 @@ from panoptic_ros.domain import Rig
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.geometry.rotations import vectors_of
 from panoptic_ros.running.calibration.calibrate_people import PeopleCalibration, calibrate_views, read_views
-from panoptic_ros.simulation.degradation import MILD, NOISY
+from panoptic_ros.simulation.degradation import MILD
 from panoptic_ros.simulation.people_sessions import PeopleScene, PeopleSession, simulate_people
 from panoptic_ros.simulation.rigs import Corners, Ring
 from panoptic_ros.simulation.skeleton import SKELETON
@@ -139,10 +139,11 @@ class CalibrationPeople(Study):
     def head(self, result: Result) -> str:
         """See `Study`."""
         return (
-            "Cameras (number in the case) from 2 people who walk for 5 s, noisy detector, 30 Hz, lenses known.\n"
-            "Error: root mean square over the space of people, of points triangulated from exact pixels, after "
-            "similarity.\nJoints: error of triangulated joints over that with the true cameras. Lag: clocks "
-            "off by up to 17 ms.\nBias: constant errors of 15 mm per joint, person, camera and axis."
+            "Cameras (number in the case) from 2 people who walk for 5 s, noisy detector, 30 Hz, lenses "
+            "known.\nError: root mean square, in the space of people, of points triangulated from exact "
+            "pixels, after similarity.\nJoints: error of triangulated joints over that with the true "
+            "cameras. Lag: clocks off by up to 17 ms.\nBias: constant errors of 15 mm per joint, person, "
+            "camera and axis."
         )
 
 
@@ -172,12 +173,16 @@ def _camera_errors(found: PeopleCalibration, truth: Rig, points: Array) -> Row:
     good = np.isfinite(placed).all(axis=1)
     aligned = similarity(placed[good], points[good])
     errors = np.linalg.norm(aligned.apply(placed[good]) - points[good], axis=1)
-    turns = [t.cam_from_world.rotation @ aligned.rotation @ f.cam_from_world.rotation.T for f, t in zip(found.rig.cameras, truth.cameras)]
+    turns = [
+        t.cam_from_world.rotation @ aligned.rotation @ f.cam_from_world.rotation.T
+        for f, t in zip(found.rig.cameras, truth.cameras)
+    ]
     centres = aligned.apply(np.stack([camera.centre for camera in found.rig.cameras]))
     apart = np.linalg.norm(centres - np.stack([camera.centre for camera in truth.cameras]), axis=1)
     up = aligned.rotation[:, 2]
+    angles = np.linalg.norm(vectors_of(np.ascontiguousarray(np.stack(turns))), axis=1)
     return {
-        "rotation_rad": float(np.median(np.linalg.norm(vectors_of(np.ascontiguousarray(np.stack(turns))), axis=1))),
+        "rotation_rad": float(np.median(angles)),
         "position_m": float(np.median(apart)),
         "error_m": float(np.sqrt((errors**2).mean())),
         "worst_m": float(np.percentile(errors, 95.0)),
@@ -204,7 +209,8 @@ def _session_errors(found: PeopleCalibration, session: PeopleSession) -> Row:
     for c in range(1, len(truth)):
         own = rig.index[c, :POSE] >= 0
         rows = rig.index[c, :POSE][own]
-        nees.append(apart[c, own] @ np.linalg.solve(rig.covariance[np.ix_(rows, rows)], apart[c, own]) / own.sum())
+        miss, covariance = apart[c, own], rig.covariance[np.ix_(rows, rows)]
+        nees.append(miss @ np.linalg.solve(covariance, miss) / len(miss))
     late = (states.offsets - states.offsets[0]) - (session.offsets - session.offsets[0])
     free = rig.index[:, OFFSET] >= 0
     return {
@@ -224,6 +230,8 @@ def _joint_ratio(found: Rig, session: PeopleSession) -> float:
     frame, person, joint = keys[:, use]
     truth = np.stack([one.joints(session.times) for one in session.people])[person, frame, joint]
     exact = triangulated(session.rig, pixels[use], plain=False)
-    own = _centres_aligned(found, session.rig).apply(triangulated(found, pixels[use], plain=False))
+    own = triangulated(found, pixels[use], plain=False)
+    good = np.isfinite(own).all(axis=1) & np.isfinite(exact).all(axis=1)
+    own = similarity(own[good], exact[good]).apply(own)
     ours, theirs = (np.nanmedian(np.linalg.norm(points - truth, axis=1)) for points in (own, exact))
     return float(ours / theirs)
