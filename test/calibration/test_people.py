@@ -10,7 +10,7 @@ from panoptic_ros.calibration.people.bones import SHARES, STATURE_M, bones_of, l
 from panoptic_ros.calibration.people.excerpts import MOST_SEGMENTS, SEGMENT_S, excerpt_of
 from panoptic_ros.calibration.people.frame import Bodies, body_axis, scale_of, scaled
 from panoptic_ros.calibration.people.identities import identities_of
-from panoptic_ros.calibration.people.pairs import Match, epipolar_residuals, essential_of
+from panoptic_ros.calibration.people.pairs import TrackletMatch, epipolar_residuals, essential_of
 from panoptic_ros.calibration.people.quality import doubts_of_people
 from panoptic_ros.calibration.people.sightings import sightings_at
 from panoptic_ros.calibration.people.solve import used_joints
@@ -165,7 +165,9 @@ def test_a_match_that_gives_a_person_two_places_is_refused():
         stamps,
         np.zeros(3),
     )
-    people = identities_of(seen, [Match(0, 2, 9.0), Match(1, 2, 5.0), Match(1, 3, 4.0)])
+    people = identities_of(
+        seen, [TrackletMatch(0, 2, 9.0), TrackletMatch(1, 2, 5.0), TrackletMatch(1, 3, 4.0)]
+    )
     assert people.tolist() == [0, 1, 0, 1]
 
 

@@ -131,7 +131,7 @@ def world_of(found: CalibratedPeople) -> Rigid:
 def body_axis(bodies: Bodies) -> tuple[Array, float]:
     """Return the unit median direction (3,) of bodies, and its standard deviation, rad.
 
-    It is from ankles to neck of people with straight legs; from hips to neck if nobody stands.
+    It is from ankles to neck of people with straight legs. Without such people it is from hips to neck.
     """
     neck, hips = bodies.positions[:, :, NECK], bodies.positions[:, :, HIPS]
     ankles = bodies.positions[:, :, ANKLES].mean(axis=2)

@@ -15,7 +15,7 @@ from panoptic_ros.calibration.bundle import (
     adjust,
     residuals_of,
 )
-from panoptic_ros.calibration.people.sightings import Sightings
+from panoptic_ros.calibration.people.sightings import JointSightings
 from panoptic_ros.calibration.projection import POSE
 from panoptic_ros.geometry import ProjectionStack, triangulate_robust
 
@@ -26,7 +26,7 @@ SCALE = 2.0  # scale of the Cauchy weights, in standard deviations
 MEDIAN_SQUARE = 2.0 * np.log(2.0)  # median of a chi-squared variable with two degrees of freedom
 LEAST_SHARE = 0.1  # redundancy below which a residual is too small to tell the noise
 NEAREST_M = 0.1  # m, depth
-STEPS = 8  # of a round before the last
+STEPS = 8  # steps of a round before the last
 LEAST_NOISE_PX = 0.05  # px
 SCORE_BINS = 6  # groups of equal size by score, with a noise of their own
 FEWEST_IN_GROUP = 60  # residuals that determine the noise of a group
@@ -56,7 +56,9 @@ class Sides(NamedTuple):
     limb: Array
 
 
-def free_joints(sightings: Sightings, people: Array, cameras: CameraStates) -> tuple[FreeJoints, Adjustment]:
+def free_joints(
+    sightings: JointSightings, people: Array, cameras: CameraStates
+) -> tuple[FreeJoints, Adjustment]:
     """Return the joints of all people that two cameras see, with their triangulated positions.
 
     Args:
@@ -106,7 +108,7 @@ def _thinned(known: Array) -> tuple[Array, Array, Array]:
     return who[chosen][body], when[chosen][body], joint
 
 
-def _by_person(sightings: Sightings, people: Array, cameras: int) -> tuple[Array, Array]:
+def _by_person(sightings: JointSightings, people: Array, cameras: int) -> tuple[Array, Array]:
     """Return normalised points (P, K, J, C, 2) by person, NaN = not seen, and their tracklets (P, K, C)."""
     instants, joints = sightings.plane.shape[1:3]
     plane = np.full((int(people.max()) + 1, instants, joints, cameras, 2), np.nan)
@@ -202,7 +204,7 @@ def _factors(squares: Array, group: Array) -> Array:
 
 
 def repetition(joints: FreeJoints, state: Adjustment) -> float:
-    """Return the factor of the variances that accounts for noise that lasts (Moulton 1986, design effect).
+    """Return the factor of the variances that accounts for persistent noise (Moulton 1986, design effect).
 
     Residuals of one joint of one person in one camera are summed. The sum of independent ones grows with the
     root of time, that of a constant bias of the detector with time.

@@ -6,13 +6,13 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from panoptic_ros.calibration.people.pairs import Match
-from panoptic_ros.calibration.people.sightings import Sightings
+from panoptic_ros.calibration.people.pairs import TrackletMatch
+from panoptic_ros.calibration.people.sightings import JointSightings
 
 Array = np.ndarray
 
 
-def identities_of(seen: Sightings, matches: Iterable[Match]) -> Array:
+def identities_of(seen: JointSightings, matches: Iterable[TrackletMatch]) -> Array:
     """Return the person (N,) of each tracklet, -1 = in one camera only.
 
     Matches join tracklets, strongest first. A match is refused if it gives one person two tracklets of one

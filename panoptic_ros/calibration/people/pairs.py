@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from panoptic_ros.calibration.people.bones import Bones, log_scale
-from panoptic_ros.calibration.people.sightings import Sightings
+from panoptic_ros.calibration.people.sightings import JointSightings
 from panoptic_ros.geometry import ProjectionStack, Rigid, triangulate_linear
 
 Array = np.ndarray
@@ -22,7 +22,7 @@ REFITS = 2
 REFINED = 2000  # joints of a refit
 
 
-class Match(NamedTuple):
+class TrackletMatch(NamedTuple):
     """Pair of tracklets that show the same person, with its score: instants times the surplus of inliers."""
 
     first: int
@@ -30,7 +30,7 @@ class Match(NamedTuple):
     score: float
 
 
-class Link(NamedTuple):
+class CameraLink(NamedTuple):
     """Relative pose of two cameras.
 
     Args:
@@ -40,7 +40,7 @@ class Link(NamedTuple):
     """
 
     pose: Rigid
-    matches: list[Match]
+    matches: list[TrackletMatch]
     support: float
 
 
@@ -61,7 +61,7 @@ class _Common(NamedTuple):
     instants: Array
 
 
-def common_joints(seen: Sightings, a: int, b: int) -> _Common | None:
+def common_joints(seen: JointSightings, a: int, b: int) -> _Common | None:
     """Return the common joints of the tracklets of cameras a and b; None if no pair has enough."""
     pairs: list[tuple[int, int]] = []
     instants: list[int] = []
@@ -109,7 +109,7 @@ def epipolar_residuals(essential: Array, first: Array, second: Array) -> Array:
     return residuals
 
 
-def matches_of(common: _Common, essential: Array, gate: float, seen: Sightings) -> list[Match]:
+def matches_of(common: _Common, essential: Array, gate: float, seen: JointSightings) -> list[TrackletMatch]:
     """Return the pairs of tracklets that an essential matrix explains, best first, each instant once.
 
     Args:
@@ -118,24 +118,24 @@ def matches_of(common: _Common, essential: Array, gate: float, seen: Sightings) 
     inlier = epipolar_residuals(essential, common.first, common.second) < gate
     share = np.bincount(common.owner, weights=inlier, minlength=len(common.pairs)) / common.counts
     scores = (share - CHANCE) * common.instants
-    chosen: list[Match] = []
+    chosen: list[TrackletMatch] = []
     for k in np.argsort(-scores, kind="stable"):
         if scores[k] <= 0.0:
             break
         n, m = (int(v) for v in common.pairs[k])
         if not any(_rivals(seen, n, m, other) for other in chosen):
-            chosen.append(Match(n, m, float(scores[k])))
+            chosen.append(TrackletMatch(n, m, float(scores[k])))
     return chosen
 
 
-def _rivals(seen: Sightings, n: int, m: int, other: Match) -> bool:
+def _rivals(seen: JointSightings, n: int, m: int, other: TrackletMatch) -> bool:
     """Return whether a pair of tracklets and a match give one tracklet to two people at one time."""
     if other.first == n:
         return bool((seen.seen[m] & seen.seen[other.second]).any())
     return other.second == m and bool((seen.seen[n] & seen.seen[other.first]).any())
 
 
-def link_cameras(seen: Sightings, a: int, b: int, focal: float, bones: Bones) -> Link | None:
+def link_cameras(seen: JointSightings, a: int, b: int, focal: float, bones: Bones) -> CameraLink | None:
     """Return the relative pose of cameras a and b; None if no essential matrix explains people of both.
 
     Args:
@@ -145,7 +145,7 @@ def link_cameras(seen: Sightings, a: int, b: int, focal: float, bones: Bones) ->
     if common is None:
         return None
     gate = GATE_PX / focal
-    best: tuple[float, Array, list[Match]] | None = None
+    best: tuple[float, Array, list[TrackletMatch]] | None = None
     for k in np.argsort(-common.counts, kind="stable")[:MOST_TRIES]:
         essential = _fitted(common, np.flatnonzero(common.owner == k), SAMPLE, gate)
         if essential is None:
@@ -168,7 +168,7 @@ def link_cameras(seen: Sightings, a: int, b: int, focal: float, bones: Bones) ->
     return _link(common, best[1], best[2], gate, seen, bones) if best else None
 
 
-def _of_matches(common: _Common, matches: Sequence[Match]) -> Array:
+def _of_matches(common: _Common, matches: Sequence[TrackletMatch]) -> Array:
     """Return a mask (M,) of the joints of matches."""
     chosen = {(match.first, match.second) for match in matches}
     use = np.array([(int(n), int(m)) in chosen for n, m in common.pairs])
@@ -194,8 +194,13 @@ def _fitted(common: _Common, joints: Array, most: int, gate: float) -> Array | N
 
 
 def _link(
-    common: _Common, essential: Array, matches: list[Match], gate: float, seen: Sightings, bones: Bones
-) -> Link | None:
+    common: _Common,
+    essential: Array,
+    matches: list[TrackletMatch],
+    gate: float,
+    seen: JointSightings,
+    bones: Bones,
+) -> CameraLink | None:
     """Return the metric pose of an essential matrix."""
     use = _of_matches(common, matches)
     use &= epipolar_residuals(essential, common.first, common.second) < gate
@@ -213,10 +218,12 @@ def _link(
     rays = [np.concatenate([p, np.ones((len(p), 1))], axis=1) for p in (first, second)]
     rays = [ray / np.linalg.norm(ray, axis=1, keepdims=True) for ray in rays]
     angle = np.linalg.norm(np.cross(rays[0] @ rotation.T, rays[1]), axis=1)
-    return Link(Rigid(rotation, scale * pose.translation), matches, float(weights.sum() * np.median(angle)))
+    return CameraLink(
+        Rigid(rotation, scale * pose.translation), matches, float(weights.sum() * np.median(angle))
+    )
 
 
-def _triangulated(seen: Sightings, match: Match, pose: Rigid) -> Array:
+def _triangulated(seen: JointSightings, match: TrackletMatch, pose: Rigid) -> Array:
     """Return the joints (K, J, 3) of a match in the frame of the first camera; NaN: not in both views."""
     plane = np.stack([seen.plane[match.first], seen.plane[match.second]], axis=2)
     shape = plane.shape[:2]

@@ -31,11 +31,11 @@ class PeopleQuality(NamedTuple):
     """Quality of a calibration from people.
 
     Args:
-        rig: Of the cameras; predicted errors after alignment with scale.
+        rig: Quality of the cameras; predicted errors after alignment with scale.
         scale: Scale, with its standard deviation.
         people: Greatest number of people at once.
         walk_m: Spread (m) of their places along the shorter axis of the floor.
-        standing: Whether somebody stands, which gives the up direction.
+        standing: Whether a person stands, which gives the up direction.
     """
 
     rig: Quality

@@ -1,4 +1,4 @@
-"""Sightings: joints of all tracklets at common instants, from the nearest frame of each camera."""
+"""JointSightings: joints of all tracklets at common instants, from the nearest frame of each camera."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Array = np.ndarray
 NEAREST = 0.6  # frame periods, largest time between an instant and the frame that stands for it
 
 
-class Sightings(NamedTuple):
+class JointSightings(NamedTuple):
     """Joints of N tracklets at K instants.
 
     Args:
@@ -36,7 +36,7 @@ class Sightings(NamedTuple):
     plane: Array
 
 
-def sightings_at(tracklets: Sequence[Tracklet], instants: Array, offsets: Array) -> Sightings:
+def sightings_at(tracklets: Sequence[Tracklet], instants: Array, offsets: Array) -> JointSightings:
     """Return the joints of tracklets at instants (K,) s, given the clock offsets (C,) s of the cameras.
 
     A frame is exposed at its stamp plus the offset of its camera.
@@ -60,4 +60,4 @@ def sightings_at(tracklets: Sequence[Tracklet], instants: Array, offsets: Array)
         plane[n, good] = own.plane[frames]
         plane[n, good] -= own.plane_speeds[frames] * (times[frames] - instants[good])[:, None, None]
     cameras = np.array([own.camera for own in tracklets])
-    return Sightings(cameras, instants, seen, late, points, scores, speeds, plane)
+    return JointSightings(cameras, instants, seen, late, points, scores, speeds, plane)

@@ -29,14 +29,14 @@ from panoptic_ros.calibration.people.free_joints import (
 from panoptic_ros.calibration.people.identities import identities_of
 from panoptic_ros.calibration.people.pairs import (
     GATE_PX,
-    Link,
-    Match,
+    CameraLink,
+    TrackletMatch,
     common_joints,
     essential_of,
     link_cameras,
     matches_of,
 )
-from panoptic_ros.calibration.people.sightings import Sightings, sightings_at
+from panoptic_ros.calibration.people.sightings import JointSightings, sightings_at
 from panoptic_ros.calibration.people.tracklets import Tracklet, link_camera
 from panoptic_ros.calibration.projection import CAMERA, OFFSET, POSE
 from panoptic_ros.calibration.rig_start import CameraInput
@@ -56,8 +56,10 @@ SIDES = Sides(
     np.array([*range(len(JOINTS)), *range(2 + 2 * _ARM, 2 + 4 * _ARM), *range(2, 2 + 2 * _ARM)]),
     np.array([-1, -1, *([0] * _ARM + [1] * _ARM) * 2]),
 )
-ROUNDS = 3  # of the adjustment, each with noise and motion from the residuals of the last
-PASSES = 2  # of people, instants and adjustment: offsets and identities of one are the start of the next
+ROUNDS = 3  # rounds of the adjustment, each with noise and motion from the residuals of the last
+PASSES = (
+    2  # passes of people, instants and adjustment: offsets and identities of one are the start of the next
+)
 
 
 class CalibratedPeople(NamedTuple):
@@ -165,8 +167,8 @@ def _states(cameras: Sequence[CameraInput]) -> CameraStates:
 
 
 def _links(
-    cameras: Sequence[CameraInput], seen: Sightings, bones: Bones, progress: Progress
-) -> dict[tuple[int, int], Link]:
+    cameras: Sequence[CameraInput], seen: JointSightings, bones: Bones, progress: Progress
+) -> dict[tuple[int, int], CameraLink]:
     """Return the relative poses of all pairs of cameras that see the same people."""
     pairs = [(a, b) for b in range(len(cameras)) for a in range(b)]
     found = {}
@@ -196,10 +198,12 @@ def _with_clocks(states: CameraStates) -> CameraStates:
     return replace(states, free=free)
 
 
-def _matches(cameras: Sequence[CameraInput], seen: Sightings, states: CameraStates) -> list[Match]:
+def _matches(
+    cameras: Sequence[CameraInput], seen: JointSightings, states: CameraStates
+) -> list[TrackletMatch]:
     """Return the tracklets of all pairs of cameras that the poses of the cameras explain."""
     poses = [Rigid(turn, move) for turn, move in zip(states.rotations, states.translations)]
-    found: list[Match] = []
+    found: list[TrackletMatch] = []
     for b in range(len(cameras)):
         for a in range(b):
             common = common_joints(seen, a, b)

@@ -1,4 +1,4 @@
-"""Link the 2D poses of one camera over time: tracklets, and the image velocities of their joints."""
+"""CameraLink the 2D poses of one camera over time: tracklets, and the image velocities of their joints."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ GATE = 0.3  # median distance of joints between two frames over the size of the 
 GAP = 4.5  # frame periods without the person, after which a tracklet ends
 LONGEST_GAP_S = 0.5  # s, the same limit for slow cameras
 FEWEST_JOINTS = 4  # joints of a 2D pose that is used, and that two poses of a tracklet share
-FEWEST_FRAMES = 8  # of a tracklet
+FEWEST_FRAMES = 8  # frames of a tracklet
 RIVAL = 2.0  # a second 2D pose within this factor of the distance of the first ends the tracklet
 WINDOW = 3  # frames before and after, whose slopes give an image velocity
 SLOWEST_S = 0.35  # s, between the two frames of a slope

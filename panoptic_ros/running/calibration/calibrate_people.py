@@ -161,7 +161,7 @@ def _input(camera: Camera) -> CameraInput:
 
 
 def _with_known(rig: Rig, known: Rig) -> Rig:
-    """Return the rig with all that is known of the cameras besides their poses."""
+    """Return the rig with lenses, clocks and line delays of the known cameras."""
     cameras = []
     for found, camera in zip(rig.cameras, known.cameras):
         covariance = found.covariance

@@ -193,7 +193,7 @@ def _camera_errors(found: PeopleCalibration, truth: Rig, points: Array) -> Row:
 
 
 def _session_errors(found: PeopleCalibration, session: PeopleSession) -> Row:
-    """Return what the truth of a simulated session tells besides."""
+    """Return the errors of covariance, clocks and joints of a simulated session."""
     rig = found.solved.rig
     states, truth = rig.state.cameras, session.rig
     reference = truth.cameras[0].cam_from_world.inverse()
