@@ -53,17 +53,18 @@ def quality_of_people(found: CalibratedPeople, scale: Scale) -> PeopleQuality:
     offsets = rig.state.cameras.offsets - np.median(rig.state.cameras.offsets)
     cameras = tuple(
         CameraQuality(
-            given.name,
-            len(np.unique(found.joints.instants[rig.seen.targets[own == c]])),
-            int((own == c).sum()),
-            int(rig.outliers[c]),
-            float(rig.noise[c]),
-            coverage_of(rig.seen.pixels[own == c], given.size),
-            0.0,
-            0.0,
-            float(offsets[c]),
-            float(rig.sd(c, slice(OFFSET, OFFSET + 1))[0]),
-            0.0,
+            name=given.name,
+            views=len(np.unique(found.joints.instants[rig.seen.targets[own == c]])),
+            points=int((own == c).sum()),
+            outliers=int(rig.outliers[c]),
+            rejected=0,
+            noise_px=float(rig.noise[c]),
+            coverage=coverage_of(rig.seen.pixels[own == c], given.size),
+            focal_sd=0.0,
+            centre_sd_px=0.0,
+            offset_s=float(offsets[c]),
+            offset_sd_s=float(rig.sd(c, slice(OFFSET, OFFSET + 1))[0]),
+            jitter_s=0.0,
         )
         for c, given in enumerate(rig.inputs)
     )
