@@ -134,6 +134,10 @@ def calibrate_people(
         progress(0.8 + 0.2 * k / PASSES, "adjustment")
         sparse = sightings_at(excerpt.tracklets, excerpt.sparse, state.cameras.offsets)
         people = identities_of(sparse, _matches(cameras, sparse, state.cameras))
+        if (people < 0).all():
+            raise CalibrationError(
+                "no two cameras agree on a person; check that the intrinsics are those of these cameras"
+            )
         dense = sightings_at(excerpt.tracklets, excerpt.dense, state.cameras.offsets)
         joints_found, state = free_joints(dense, people, state.cameras)
         joints_found, state = adjusted(joints_found, state, ROUNDS, SIDES)
