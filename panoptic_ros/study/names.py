@@ -36,6 +36,10 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
         "calibration.boards:Calibration",
         "cameras from simulated recordings of a board: errors beside the Cramer-Rao bound, time",
     ),
+    "calibration-people": (
+        "calibration.people:CalibrationPeople",
+        "cameras from people who walk, simulated or recorded: errors beside predicted ones, clocks, time",
+    ),
     "calibration-sessions": (
         "calibration.sessions:CalibrationSessions",
         "cameras from recorded corners of a board, scored on corners that are left out",
