@@ -227,9 +227,10 @@ def _reversed(own: Array, camera: int, markers: Array, poses: Sequence[Rigid]) -
         tried[0, :, camera] = turned
         placed = _triangulated(poses, tried)[0]
         loss = 0.0
-        for c in np.flatnonzero(np.isfinite(tried[0, 0, :, 0])):
-            seen = poses[c].apply(placed)
-            loss += float(np.square(seen[:, :2] / seen[:, 2:] - tried[0, :, c]).sum())
+        for c, pose in enumerate(poses):
+            if np.isfinite(tried[0, 0, c, 0]):
+                seen = pose.apply(placed)
+                loss += float(np.square(seen[:, :2] / seen[:, 2:] - tried[0, :, c]).sum())
         losses.append(loss)
     return losses[1] < losses[0]
 
