@@ -282,9 +282,7 @@ def block_inverses(columns: Array, joints: int, reach: int) -> Array:
     return inverses
 
 
-def block_covariances(
-    columns: Array, block: int, reach: int
-) -> Iterator[tuple[int, Array, Array, Array]]:
+def block_covariances(columns: Array, block: int, reach: int) -> Iterator[tuple[int, Array, Array, Array]]:
     """Yield the covariances in the band, from the last block to the first (Takahashi's recursion).
 
     Args:

@@ -17,7 +17,9 @@ from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.geometry.splines import DEGREE, spline
 
 Array = np.ndarray
-FINER = 2  # knots of the joints' curves per knot of the freedoms' curves; joints then differ by less than 0.01 mm
+FINER = (
+    2  # knots of the joints' curves per knot of the freedoms' curves; joints then differ by less than 0.01 mm
+)
 SAMPLES = 3  # instants per knot to which the curves of joints are fitted
 
 
