@@ -21,8 +21,8 @@ from panoptic_ros.continuous.subjects.system import add_rays, squares_of
 from panoptic_ros.geometry.splines import DEGREE, SPAN, spline
 
 Array = np.ndarray
-# m/s^2.5 and rad/s^2.5: less loose than that of joints, because the rays have weights. From 100, top speed has 10 %
-# more error after 12 rounds; from 1000, the stiffness takes 16 rounds to settle
+# m/s^2.5 and rad/s^2.5: less loose than that of joints, because the rays have weights already. From 100, top
+# speed has 10 % more error after 12 rounds; from 1000, the stiffness takes 16 rounds to settle
 START_JERK = 300.0
 HALVINGS = 5  # maximum number of halvings of a step that does not reduce the energy
 LIMIT_SD = 0.1  # rad, standard deviation of the limits

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from panoptic_ros.continuous.config import ContinuousConfig
 from panoptic_ros.continuous.designated import designated
 from panoptic_ros.continuous.elhayek.body import misfits_of, skeleton_from
@@ -16,8 +18,10 @@ from panoptic_ros.continuous.subjects.start import certain_joints, usable_instan
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import Subject
-from panoptic_ros.stage import Progress, Recording, StageContext, part_of
+from panoptic_ros.stage import Notice, Progress, Recording, StageContext, part_of
 
+Array = np.ndarray
+WIDEST_MISFIT = 0.03  # m, root mean square of what bones miss; fitted ones miss 5 mm
 FOLLOWED = 0.3  # share of the run time until people are followed
 
 
@@ -50,11 +54,27 @@ class SubjectPass:
         motion = self._curves.run(recording, part_of(progress, 0.0, FOLLOWED))
         chosen = designated(self._subject, motion.people)
         progress(FOLLOWED, "fitting the subject")
-        people = [self._person(person) if person.id == chosen else person for person in motion.people]
+        people, notices = list(motion.people), list(motion.notices)
+        for k, person in enumerate(people):
+            if person.id == chosen:
+                people[k], misfits = self._fitted(person)
+                notices += self._told(misfits)
         progress(1.0, "fitting the subject")
-        return replace(motion, people=tuple(people))
+        return replace(motion, people=tuple(people), notices=tuple(notices))
 
-    def _person(self, person: PersonCurve) -> PersonCurve:
+    def _told(self, misfits: Array) -> list[Notice]:
+        """Return a notice if the bones of the file do not fit the person."""
+        miss = float(np.sqrt(3.0 * misfits[misfits > 0.0].mean()))
+        if miss < WIDEST_MISFIT:
+            return []
+        text = (
+            f"the bones of subject {self._subject.id} miss its joints by {1e3 * miss:.0f} mm; correct its file, "
+            "or omit segments and keypoints there, so that they are fitted"
+        )
+        return [Notice("subject.misfit", "warning", text)]
+
+    def _fitted(self, person: PersonCurve) -> tuple[PersonCurve, Array]:
+        """Return a person with curves of joint angles, and the variances (J,) m^2 about its skeleton."""
         instants = usable_instants(person, self._names)
         joints = certain_joints(person, instants)
         if self._subject.measured:
@@ -62,5 +82,5 @@ class SubjectPass:
         else:
             skeleton = skeleton_from(self._model, self._names, joints)
         fit = fit_freedoms(person, skeleton, self._names, instants, self._arrays)
-        found = with_freedoms(person, skeleton, fit, misfits_of(skeleton, self._names, joints))
-        return found.with_derived(self._derived)
+        misfits = misfits_of(skeleton, self._names, joints)
+        return with_freedoms(person, skeleton, fit, misfits).with_derived(self._derived), misfits

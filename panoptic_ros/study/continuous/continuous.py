@@ -176,7 +176,7 @@ class Continuous(Study):
             f"`images`: with --images, degree {IMAGE_DEGREE}: blobs of images instead of 2D joints.\n"
             "`subject`: `panoptic continuous --subject`, curves of joint angles of the first person, bones "
             "fitted.\n"
-            "`m/s2`: mean error of the second difference. `bones`: spread of the lengths of limbs over time.\n"
+            "`m/s2`: mean error of second differences. `bones`: spread of the lengths of limbs over time.\n"
             "Unknown clocks and line delays (cases `clocks`, `shutter`, `both`, `still`) are estimated by "
             "`continuous` only.\n"
             "`z2`: mean square of errors in standard deviations; errors are those of observable values.\n"

@@ -47,7 +47,7 @@ def test_a_step_is_the_derivative_of_the_energy(capture, person, persistent):
     one = problem_of(capture, person, start, persistent)
     positions, slopes = one._at_rays(start)
     one._problem.place(positions)
-    lower, right = one._system(start, one._problem.misses, slopes)
+    _, right = one._system(start, one._problem.misses, slopes)
     rng = np.random.default_rng(0)
     for _ in range(3):
         along = 1e-5 * rng.standard_normal(start.shape)
