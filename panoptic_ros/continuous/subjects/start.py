@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -66,7 +67,7 @@ def poses_along(skeleton: HingeSkeleton, names: Sequence[str], joints: Array, in
     are far from it.
     """
     poses = np.zeros((len(instants), skeleton.freedoms))
-    fresh = True
+    fresh, starts = True, []
     for t, here in enumerate(joints):
         pose = poses[t]
         if t and instants[t] - instants[t - 1] < LONGEST_GAP_S:
@@ -78,7 +79,30 @@ def poses_along(skeleton: HingeSkeleton, names: Sequence[str], joints: Array, in
         else:
             fresh = True
         if fresh:
+            starts.append(t)
             pose[:] = first_poses(skeleton, names, here[None])[0]
             turns = np.rint((poses[max(t - 1, 0), 3:] - pose[3:]) / (2.0 * np.pi))
             pose[3:] += 2.0 * np.pi * turns
+    for first, last in pairwise([*starts, len(poses)]):
+        bend_forward(skeleton, poses[first:last])
     return poses
+
+
+def bend_forward(skeleton: HingeSkeleton, poses: Array) -> None:
+    """Bend elbows and knees of poses (T, D) the way that their limits allow, in place.
+
+    A limb that bends the other way, turned by half a turn about its upper bone, has the same joints. Which of
+    both a fit finds is a matter of chance if the limb was stretched at first.
+    """
+    for bend in skeleton.bends:
+        turn = bend - 1
+        limits = skeleton.limits[[turn, bend]]
+        own = poses[:, [turn, bend]]
+        half = np.copysign(np.pi, limits[0].mean() - own[:, 0].mean())
+        other = own * (1.0, -1.0) + (half, 0.0)
+        before, after = (
+            (np.maximum(values - limits[:, 1], 0.0) + np.maximum(limits[:, 0] - values, 0.0)).sum()
+            for values in (own, other)
+        )
+        if after < before:
+            poses[:, [turn, bend]] = other
