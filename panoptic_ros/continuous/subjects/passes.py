@@ -68,8 +68,8 @@ class SubjectPass:
         if miss < WIDEST_MISFIT:
             return []
         text = (
-            f"the bones of subject {self._subject.id} miss its joints by {1e3 * miss:.0f} mm; correct its file, "
-            "or omit segments and keypoints there, so that they are fitted"
+            f"the bones of subject {self._subject.id} miss its joints by {1e3 * miss:.0f} mm; correct its "
+            "file, or omit segments and keypoints there, so that they are fitted"
         )
         return [Notice("subject.misfit", "warning", text)]
 

@@ -34,9 +34,9 @@ def figures_of(capture: FreeRunningCapture, times: Array, frames: Sequence[Skele
     """Score people at instants (T,) s against the truth.
 
     Returns: errors in m and m/s^2; `bone_spread_m` is the standard deviation (m) of the length of a limb over
-        time, a mean over limbs and people; `missing_s` is the longest time (s) of a present person without a result within
-        `evaluation.pairing.FOUND`; `false_s` is the summed time (s) of people in the result
-        at whose place there is no true person.
+        time, a mean over limbs and people; `missing_s` is the longest time (s) of a present person without a
+        result within `evaluation.pairing.FOUND`; `false_s` is the summed time (s) of people in the result at
+        whose place there is no true person.
     """
     pairs = pair_sequences(truth_at(capture, times), SkeletonSequence(JOINTS, tuple(frames)))
     present, scored = capture.present(times), _scored(capture, times)
