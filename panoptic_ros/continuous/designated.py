@@ -1,4 +1,4 @@
-"""Who of the people of a recording is the subject."""
+"""Choice of the subject among the people of a recording."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from panoptic_ros.errors import UsageError
 
 
 def designated(subject: Subject, people: Sequence[PersonCurve]) -> int:
-    """Return the id of the subject: the only person, or the nearest one to its start; -1 = nobody is there.
+    """Return the id of the subject: the only person, or the nearest one to its start; -1 = no person.
 
     Raises:
         UsageError: if there are several people and the start is unknown.

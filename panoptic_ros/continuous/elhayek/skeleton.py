@@ -75,7 +75,7 @@ class HingeSkeleton:
         site_offsets: (J, 3) m in the frames of these segments.
         above: (S, P) True where a joint parameter moves a segment.
         elevations: degrees of freedom of the shoulders that lift the arms.
-        bends: degrees of freedom of elbows and knees; the one before each turns the limb about the upper bone.
+        bends: degrees of freedom of elbows and knees; the one before turns the limb about its upper bone.
     """
 
     parents: Array

@@ -1,4 +1,4 @@
-"""Pass that gives a designated person curves of degrees of freedom, and everybody else curves of joints."""
+"""Pass that gives a designated person curves of degrees of freedom, and all others curves of joints."""
 
 from __future__ import annotations
 

@@ -17,8 +17,8 @@ Array = np.ndarray
 INTERVAL_S = 0.02  # s between two poses
 STEPS = 3  # Gauss-Newton steps from one pose to the next: a limb turns by less than 0.5 rad in between
 LEAST_CERTAIN = 0.1  # m, greatest standard deviation of a joint that counts
-WIDEST_MISS = 0.05  # m, mean miss of the joints above which a pose starts anew
-LONGEST_GAP_S = 0.2  # s without a usable instant after which a pose starts anew
+WIDEST_MISS = 0.05  # m, mean miss of the joints above which a pose starts without the previous one
+LONGEST_GAP_S = 0.2  # s without a usable instant after which a pose starts without the previous one
 MIDDLE = 1.5  # knots by which the middle of a control point's influence is before that control point's index
 
 
@@ -63,8 +63,8 @@ def start_points(
 def poses_along(skeleton: HingeSkeleton, names: Sequence[str], joints: Array, instants: Array) -> Array:
     """Return degrees of freedom (T, D) that follow joints (T, J, 3) m without jumps of angles.
 
-    Each pose starts from the extrapolation of the previous two. It starts anew after a gap, or if the joints
-    are far from it.
+    Each pose starts from the extrapolation of the previous two. It starts without them after a gap, or if the
+    joints are far from it.
     """
     poses = np.zeros((len(instants), skeleton.freedoms))
     fresh, starts = True, []

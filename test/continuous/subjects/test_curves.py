@@ -71,14 +71,14 @@ def test_covariances_are_those_of_the_dense_matrix(capture, person):
         dense[np.arange(k, size), np.arange(size - k)] = lower[k, : size - k]
     whole = np.linalg.inv(dense @ dense.T).reshape(len(points), points.shape[1], *points.shape)
     found = one._covariances(lower.T)
-    weights = np.array([1.0, 11.0, 11.0, 1.0]) / 24.0  # of the spline at a knot
+    weights = np.array([1.0, 11.0, 11.0, 1.0]) / 24.0  # basis of the spline at a knot
     for knot in (0, 3, len(points) - DEGREE):
         own = whole[knot : knot + DEGREE, :, knot : knot + DEGREE]
         assert found[knot] == pytest.approx(np.einsum("p,pdqe,q->de", weights, own, weights), rel=1e-6)
 
 
 def test_limits_bend_what_no_view_shows(capture, person):
-    """Without rays of the hand, the elbow comes back to its limit."""
+    """Without rays of the hand, the elbow returns to its limit."""
     shown = person.rays.joints != WRIST
     start, limit = true_points(person), SKELETONS[0].limits[ELBOW, 1]
     start[:, ELBOW] = limit + 0.5
