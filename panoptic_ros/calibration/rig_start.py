@@ -140,7 +140,7 @@ def _candidates(
     """Return the poses of the target of each instant, world from target, by the views with the most points.
 
     Args:
-        poses: Of each view, camera from target. cameras: Camera from world.
+        poses: Poses by view, camera from target. cameras: Poses, camera from world.
     """
     by_instant: dict[int, list[int]] = defaultdict(list)
     for k in sorted(range(len(views)), key=lambda k: -len(views[k].numbers)):

@@ -37,7 +37,7 @@ def poses_of(
     A planar target far away has two poses of nearly equal residuals (Collins and Bartoli 2014, IPPE).
 
     Args:
-        points: (N, 3) m, points of the target. intrinsics: Of all cameras.
+        points: (N, 3) m, points of the target. intrinsics: Lenses of all cameras.
     """
     found: list[list[Rigid]] = [[] for _ in views]
     for camera, own in enumerate(intrinsics):
