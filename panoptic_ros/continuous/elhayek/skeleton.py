@@ -30,8 +30,8 @@ class Freedom(NamedTuple):
         segments: segments that it turns, each by the same share of the angle.
         axis: (3,) unit vector in the frame of the joint before this rotation.
         limits: (rad, rad), or None = those of the segment model about this axis.
-        elevates: whether it moves an upper arm away from the pole of its shoulder.
-        bends: whether it bends a limb; the previous degree of freedom turns that limb about its upper bone.
+        elevates: True if it moves an upper arm away from its pole.
+        bends: True for elbows and knees. The previous degree of freedom turns that limb about its upper bone.
     """
 
     segments: tuple[str, ...]
@@ -75,7 +75,7 @@ class HingeSkeleton:
         site_offsets: (J, 3) m in the frames of these segments.
         above: (S, P) True where a joint parameter moves a segment.
         elevations: degrees of freedom of the shoulders that lift the arms.
-        bends: degrees of freedom of elbows and knees; the one before turns the limb about its upper bone.
+        bends: degrees of freedom of elbows and knees. The one before turns the limb about its upper bone.
     """
 
     parents: Array
