@@ -171,6 +171,7 @@ NODES: dict[str, NodeSpec] = {
             ),
             ("skeletons_raw", "tracks"),
         ),
+        stage_row("health", (Port("associations"), Port("skeletons_raw")), ("repaired_rig",), switch="active"),
         stage_row(
             "offsets",
             (Port("detections", first=True), Port("skeletons_raw")),
@@ -226,6 +227,7 @@ AFTER_DETECTION = (
     "voting",
     "assembly",
     "tracking",
+    "health",
     "offsets",
     "continuous",
     "kinematics",

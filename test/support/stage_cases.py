@@ -152,6 +152,13 @@ def chain(frames=14, start=0):
     return {**taken, "sync": items, "association": fed_back, "detection_sets": table["detection_sets"]}
 
 
+def walked(frames=14, start=0):
+    """2D poses of people, and the people who were made from them."""
+    taken = chain(frames, start)
+    pairs = zip(taken["voting"], taken["refinement"])
+    return [item for pair in pairs for item in pair]
+
+
 def tracked(index, stamp_ns):
     positions = captures.people(stamp_ns / SECOND)
     ones = np.ones(positions.shape[:2])
@@ -511,6 +518,7 @@ def cases():
         "continuous": lambda: Case(
             "continuous", {"active": True, "rate_hz": 20.0}, odd_free_views(), free_views(9, 300)
         ),
+        "health": lambda: Case("health", {"repair": True}, walked(), walked(7, 200)),
         "offsets": lambda: Case("offsets", {"active": True, "block_s": 0.5}, motion(), motion(20)),
         **{
             f"sync-{kind}": lambda values=values: Case("sync", values, disturbed(), views(9, start=300)[::-1])
@@ -572,6 +580,7 @@ NAMES = (
     "detection",
     "detection-looks",
     "continuous",
+    "health",
     "offsets",
     "sync-replay",
     "sync-live",

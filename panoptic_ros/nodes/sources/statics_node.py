@@ -36,6 +36,9 @@ class StaticsNode(Node):
         self._kept = [
             self._latch(key, record) for key, record in (("rig", rig), ("skeleton_model", skeleton))
         ]
+        self._repaired = self.create_subscription(
+            message_class(TOPICS["repaired_rig"].message), TOPICS["repaired_rig"].name, self._repair, LATCHED
+        )
         self._publish_transforms(rig)
         self._keeper = StateKeeper(self, NODES)
         self._graph = GraphHealth()
@@ -56,6 +59,10 @@ class StaticsNode(Node):
         publisher = self.create_publisher(message_class(topic.message), topic.name, LATCHED)
         publisher.publish(to_message(record, ros_messages()))
         return publisher
+
+    def _repair(self, message: Any) -> None:
+        """Publish a corrected rig as /rig, so that all live nodes adopt it."""
+        self._kept[0].publish(message)
 
     def _publish_transforms(self, rig: Rig) -> None:
         try:

@@ -1,0 +1,184 @@
+"""Evidence of the views about the rotation and focal length of each camera.
+
+A joint is triangulated from all other cameras (leave-one-out). The residual of the camera's own 2D joint is
+linear in four parameters: a rotation about the camera's centre (rad, camera axes), and the logarithm of its
+focal length. The kernel adds the normal equations of these parameters.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from panoptic_ros.kernels import njit
+
+Array = np.ndarray
+SPREAD = 0.02  # m, standard deviation of a 2D joint at the depth of the person: noise and bias of a detector
+SCALE = 2.0  # residual / standard deviation at which the weight of a residual is half (Cauchy)
+GATE = 0.25  # m, residual at the depth of the person beyond which a 2D joint is another joint
+LOOSE = 1.0 / 0.3**2  # 1/m^2, information that a joint is where the skeleton states it: 0.3 m
+NEAREST = 0.2  # m, smallest depth of a used joint
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def add_evidence(
+    rotations,
+    translations,
+    trusted,
+    cameras,
+    starts,
+    rows,
+    plane,
+    scores,
+    delays,
+    persons,
+    positions,
+    velocities,
+    expected,
+    normals,
+    vectors,
+    seen,
+):
+    """Add the normal equations of one instant: C cameras, V views, D 2D poses, P people, J joints.
+
+    Args:
+        rotations, translations: (C, 3, 3), (C, 3) m of cam_from_world.
+        trusted: (C,) bool, cameras whose views triangulate joints.
+        cameras, starts, rows, plane, scores, delays: Of the 2D poses, see `domain.Evidence`.
+        persons: (P, V) row of each person's 2D pose in its view, -1 = none.
+        positions: (P, J, 3) m, joints, NaN = missing.
+        velocities: (P, 3) m/s, velocity of each body.
+        expected: (C, 4) parameters at which robust weights are taken.
+        normals, vectors: (C, 4, 4), (C, 4) sums that are added to.
+        seen: (C, P) bool, becomes true where a person gave evidence about a camera.
+    """
+    people, joints = positions.shape[:2]
+    views = len(cameras)
+    member = np.empty(views, np.int64)
+    used = np.zeros(views, np.bool_)
+    spots = np.empty((views, 3))
+    apart = np.empty((views, 2))
+    slopes = np.empty((views, 2, 3))
+    weights = np.empty(views)
+    inverse = np.empty((3, 3))
+    for p in range(people):
+        for v in range(views):
+            member[v] = -1
+            if persons[p, v] >= 0:
+                for d in range(starts[v], starts[v + 1]):
+                    if rows[d] == persons[p, v]:
+                        member[v] = d
+        for j in range(joints):
+            if not np.isfinite(positions[p, j, 0]):
+                continue
+            total = np.zeros((3, 3))
+            pull = np.zeros(3)
+            count = 0
+            for v in range(views):
+                used[v] = False
+                d = member[v]
+                if d < 0 or scores[d, j] <= 0.0:
+                    continue
+                c = cameras[v]
+                turn = rotations[c]
+                for a in range(3):
+                    spots[v, a] = translations[c, a]
+                    for b in range(3):
+                        spots[v, a] += turn[a, b] * (positions[p, j, b] + delays[v] * velocities[p, b])
+                depth = spots[v, 2]
+                if depth < NEAREST:
+                    continue
+                x, y = spots[v, 0] / depth, spots[v, 1] / depth
+                apart[v, 0], apart[v, 1] = plane[d, j, 0] - x, plane[d, j, 1] - y
+                away = depth * np.sqrt(apart[v, 0] ** 2 + apart[v, 1] ** 2)
+                if away > GATE:
+                    continue
+                used[v] = True
+                weights[v] = (depth / SPREAD) ** 2
+                for a in range(3):
+                    slopes[v, 0, a] = (turn[0, a] - x * turn[2, a]) / depth
+                    slopes[v, 1, a] = (turn[1, a] - y * turn[2, a]) / depth
+                if trusted[c]:
+                    count += 1
+                    _add(total, pull, slopes[v], apart[v], _robust(weights[v], away))
+            for v in range(views):
+                c = cameras[v]
+                if not used[v] or count - trusted[c] < 2:
+                    continue
+                others, own = total.copy(), pull.copy()
+                if trusted[c]:
+                    away = spots[v, 2] * np.sqrt(apart[v, 0] ** 2 + apart[v, 1] ** 2)
+                    _add(others, own, slopes[v], apart[v], -_robust(weights[v], away))
+                for a in range(3):
+                    others[a, a] += LOOSE
+                _invert(others, inverse)
+                _add_joint(
+                    spots[v],
+                    apart[v] - slopes[v] @ (inverse @ own),
+                    slopes[v] @ inverse @ slopes[v].T,
+                    weights[v],
+                    expected[c],
+                    normals[c],
+                    vectors[c],
+                )
+                seen[c, p] = True
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _robust(weight, away):
+    """Return the Cauchy weight of a residual of `away` m, times `weight`."""
+    return weight / (1.0 + (away / (SCALE * SPREAD)) ** 2)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _add(total, pull, slope, apart, weight):
+    """Add a view's normal equations (3, 3), (3,) of a joint."""
+    for a in range(3):
+        pull[a] += weight * (slope[0, a] * apart[0] + slope[1, a] * apart[1])
+        for b in range(3):
+            total[a, b] += weight * (slope[0, a] * slope[0, b] + slope[1, a] * slope[1, b])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _invert(matrix, inverse):
+    """Write the inverse of a symmetric positive definite matrix (3, 3)."""
+    a, b, c = matrix[0, 0], matrix[0, 1], matrix[0, 2]
+    d, e, f = matrix[1, 1], matrix[1, 2], matrix[2, 2]
+    inverse[0, 0] = d * f - e * e
+    inverse[0, 1] = c * e - b * f
+    inverse[0, 2] = b * e - c * d
+    inverse[1, 1] = a * f - c * c
+    inverse[1, 2] = b * c - a * e
+    inverse[2, 2] = a * d - b * b
+    scale = 1.0 / (a * inverse[0, 0] + b * inverse[0, 1] + c * inverse[0, 2])
+    for i in range(3):
+        for k in range(i, 3):
+            inverse[i, k] *= scale
+            inverse[k, i] = inverse[i, k]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _add_joint(spot, residual, spread, weight, expected, normal, vector):
+    """Add the normal equations of a camera's parameters by one joint.
+
+    Args:
+        spot: (3,) m, the joint in the camera's frame.
+        residual: (2,) of the joint against the other cameras, on the plane at depth 1.
+        spread: (2, 2) covariance of the other cameras' joint, projected on that plane.
+        weight: Inverse variance of the camera's own 2D joint on that plane.
+        expected, normal, vector: (4,), (4, 4), (4,), see `add_evidence`.
+    """
+    x, y = spot[0] / spot[2], spot[1] / spot[2]
+    slope = np.empty((2, 4))
+    slope[0, 0], slope[0, 1], slope[0, 2], slope[0, 3] = -x * y, 1.0 + x * x, -y, x
+    slope[1, 0], slope[1, 1], slope[1, 2], slope[1, 3] = -1.0 - y * y, x * y, x, y
+    a, b, c = spread[0, 0] + 1.0 / weight, spread[0, 1], spread[1, 1] + 1.0 / weight
+    scale = 1.0 / (a * c - b * b)
+    left = residual - slope @ expected
+    square = scale * (c * left[0] ** 2 - 2.0 * b * left[0] * left[1] + a * left[1] ** 2)
+    scale /= 1.0 + square / SCALE**2
+    for i in range(4):
+        first = scale * (c * slope[0, i] - b * slope[1, i])
+        second = scale * (a * slope[1, i] - b * slope[0, i])
+        vector[i] += first * residual[0] + second * residual[1]
+        for k in range(4):
+            normal[i, k] += first * slope[0, k] + second * slope[1, k]

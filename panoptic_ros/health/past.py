@@ -1,0 +1,136 @@
+"""Change of each camera against its own past, from sums of normal equations.
+
+Detectors are biased, so the parameters that fit a camera best are not zero. The bias persists while the same
+people walk in the same space. So the newest evidence is compared with that of the camera's own past.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+Array = np.ndarray
+PARAMETERS = 4  # rotation (rad), logarithm of the focal length
+BLOCK_FRAMES = 5  # frames of a block: half a second
+WINDOW = 6  # blocks of a window: 3 s of walking
+OLDER, NEWER, ALL = slice(0, WINDOW), slice(WINDOW, None), slice(None)  # of the newest blocks
+LOOKS = 2.0  # windows of past that a comparison needs
+TURN, ZOOM = (0, 1, 2), (3,)  # parameters of the two kinds of changes
+# Prior standard deviations: 1 deg and 3 % of the focal length. They bound estimates of a narrow view.
+PRIOR = 1.0 / np.array([0.0175, 0.0175, 0.0175, 0.03]) ** 2
+
+
+class NormalEquations(NamedTuple):
+    """Normal equations (4, 4), (4,) of a camera's parameters."""
+
+    normal: Array
+    vector: Array
+
+    def solution(self, kind: tuple[int, ...]) -> Array:
+        """Return the parameters (K,) of one kind, the others being 0."""
+        chosen = list(kind)
+        solution: Array = np.linalg.solve(
+            self.normal[np.ix_(chosen, chosen)] + np.diag(PRIOR[chosen]), self.vector[chosen]
+        )
+        return solution
+
+
+SUMS = (
+    "normals vectors frames block_normals block_vectors blocks past_normals past_vectors looks expected"  # of `PastSums`
+)
+
+
+class PastSums:
+    """Sums of normal equations of C cameras: in the current block, in the newest blocks, and of the past."""
+
+    def __init__(self, cameras: int):
+        self.normals = np.zeros((cameras, PARAMETERS, PARAMETERS))  # current block
+        self.vectors = np.zeros((cameras, PARAMETERS))
+        self.frames = np.zeros(cameras, np.int64)
+        self.block_normals = np.zeros((cameras, 2 * WINDOW, PARAMETERS, PARAMETERS))  # newest last
+        self.block_vectors = np.zeros((cameras, 2 * WINDOW, PARAMETERS))
+        self.blocks = np.zeros(cameras, np.int64)
+        self.past_normals = np.zeros((cameras, PARAMETERS, PARAMETERS))
+        self.past_vectors = np.zeros((cameras, PARAMETERS))
+        self.looks = np.zeros(cameras)  # windows behind the past
+        self.expected = np.zeros((cameras, PARAMETERS))  # parameters that fit the past
+
+    def close(self, keep: float) -> list[int]:
+        """End the blocks that are complete, and return their cameras.
+
+        Args:
+            keep: Weight that the past keeps per block.
+        """
+        full = np.flatnonzero(self.frames >= BLOCK_FRAMES).tolist()
+        for c in full:
+            if self.blocks[c] == 2 * WINDOW:
+                self.past_normals[c] = keep * self.past_normals[c] + self.block_normals[c, 0] / WINDOW
+                self.past_vectors[c] = keep * self.past_vectors[c] + self.block_vectors[c, 0] / WINDOW
+                self.looks[c] = keep * self.looks[c] + 1.0 / WINDOW
+                self.expected[c] = np.linalg.solve(
+                    self.past_normals[c] + np.diag(PRIOR), self.past_vectors[c]
+                )
+            self.block_normals[c, :-1] = self.block_normals[c, 1:].copy()
+            self.block_vectors[c, :-1] = self.block_vectors[c, 1:].copy()
+            self.block_normals[c, -1] = self.normals[c] / self.frames[c]
+            self.block_vectors[c, -1] = self.vectors[c] / self.frames[c]
+            self.blocks[c] = min(self.blocks[c] + 1, 2 * WINDOW)
+            self.normals[c], self.vectors[c], self.frames[c] = 0.0, 0.0, 0
+        return full
+
+    def restart(self, camera: int) -> None:
+        """Forget the newest evidence of a camera, but not its past."""
+        for array in (self.normals, self.vectors, self.frames):
+            array[camera] = 0
+        for array in (self.block_normals, self.block_vectors, self.blocks):
+            array[camera] = 0
+
+    def ready(self, camera: int) -> bool:
+        """Return whether a camera has two windows and a past."""
+        return bool(self.blocks[camera] == 2 * WINDOW and self.looks[camera] >= LOOKS)
+
+    def difference(self, camera: int, blocks: slice) -> NormalEquations:
+        """Return the normal equations of the change of a camera in some of the newest blocks.
+
+        The parameters of the past are eliminated.
+        """
+        normal = self.block_normals[camera, blocks].mean(axis=0)
+        vector = self.block_vectors[camera, blocks].mean(axis=0)
+        both = normal + self.past_normals[camera] + np.diag(PRIOR)
+        share = np.linalg.solve(both, normal).T
+        return NormalEquations(
+            normal - share @ normal, vector - share @ (vector + self.past_vectors[camera])
+        )
+
+
+class CameraChange(NamedTuple):
+    """Change of a camera against its past, by the more likely of two kinds.
+
+    Args:
+        is_zoom: Whether the focal length has changed, and not the rotation.
+        change: (3,) rad rotation vector in the camera's axes, or (1,) logarithm of the focal lengths' ratio,
+            in the newer window.
+        size: Length of the change in both windows together.
+        agreed: The smaller component of the windows' changes along that of both.
+        gain: Decrease of the squared residuals by the change, in standard deviations of one window's joints.
+    """
+
+    is_zoom: bool
+    change: Array
+    size: float
+    agreed: float
+    gain: float
+
+
+def change_of(sums: PastSums, camera: int) -> CameraChange:
+    """Return the change of a camera in its two windows."""
+    both, older, newer = (sums.difference(camera, blocks) for blocks in (ALL, OLDER, NEWER))
+    turn, zoom = both.solution(TURN), both.solution(ZOOM)
+    gains = [float(both.vector[list(kind)] @ own) for kind, own in ((TURN, turn), (ZOOM, zoom))]
+    is_zoom = gains[1] > gains[0]
+    kind, whole = (ZOOM, zoom) if is_zoom else (TURN, turn)
+    size = float(np.linalg.norm(whole))
+    parts = [one.solution(kind) for one in (older, newer)]
+    agreed = min(float(part @ whole) for part in parts) / max(size, 1e-12)
+    return CameraChange(is_zoom, parts[1], size, agreed, max(gains))
