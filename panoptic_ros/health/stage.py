@@ -36,8 +36,8 @@ class HealthStage(Stateful):
 
     Only people who walk count: the detector's bias of a person who stays is that of one pose. A camera is
     named if its rotation or focal length differs from the past by more than the limit, in two successive
-    windows of 3 s of walking. A named camera gives no evidence about others until it is repaired, or is as
-    it was.
+    windows of 3 s of walking. Without repair, a named camera gives no evidence about others until it is as it
+    was. A corrected rig is given out; the graph makes the stage anew with it.
     """
 
     LAYOUT = StateLayout(
@@ -185,10 +185,9 @@ class HealthStage(Stateful):
             return StepResult(notices=(Notice(code, "warning", text, values),))
         cameras = list(self._rig.cameras)
         cameras[camera] = corrected(own, found)
-        self._rig = replace(self._rig, cameras=tuple(cameras))
-        self._arrays = RigArrays.of(self._rig)
+        rig = replace(self._rig, cameras=tuple(cameras))
         text += "; the rig is corrected"
-        return StepResult((self._rig,), (Notice(code, "warning", text, values),))
+        return StepResult((rig,), (Notice(code, "warning", text, values),))
 
     def _compile(self, joints: Array) -> None:
         """Compile the kernels with a person whom nobody sees."""

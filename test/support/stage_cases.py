@@ -11,6 +11,7 @@ from typing import Any
 import captures
 import numpy as np
 import patch_scene
+import walkers
 from blobs import JOINT_MAP, SKELETON, Blobs
 
 from panoptic_ros.detection.model import DetectorModel
@@ -150,13 +151,6 @@ def chain(frames=14, start=0):
     pairs = zip(taken["association"], table["tracks"])  # what tracking says of a set comes before the next
     fed_back = [item for pair in pairs for item in pair]
     return {**taken, "sync": items, "association": fed_back, "detection_sets": table["detection_sets"]}
-
-
-def walked(frames=14, start=0):
-    """2D poses of people, and the people who were made from them."""
-    taken = chain(frames, start)
-    pairs = zip(taken["voting"], taken["refinement"])
-    return [item for pair in pairs for item in pair]
 
 
 def tracked(index, stamp_ns):
@@ -518,7 +512,7 @@ def cases():
         "continuous": lambda: Case(
             "continuous", {"active": True, "rate_hz": 20.0}, odd_free_views(), free_views(9, 300)
         ),
-        "health": lambda: Case("health", {"repair": True}, walked(), walked(7, 200)),
+        "health": lambda: Case("health", {"repair": True}, walkers.walked(), walkers.walk(2, start_s=3.0)),
         "offsets": lambda: Case("offsets", {"active": True, "block_s": 0.5}, motion(), motion(20)),
         **{
             f"sync-{kind}": lambda values=values: Case("sync", values, disturbed(), views(9, start=300)[::-1])
