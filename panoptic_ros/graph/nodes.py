@@ -171,7 +171,12 @@ NODES: dict[str, NodeSpec] = {
             ),
             ("skeletons_raw", "tracks"),
         ),
-        stage_row("health", (Port("associations"), Port("skeletons_raw")), ("repaired_rig",), switch="active"),
+        stage_row(
+            "health",
+            (Port("associations", first=True), Port("skeletons_raw")),
+            ("repaired_rig",),
+            switch="active",
+        ),
         stage_row(
             "offsets",
             (Port("detections", first=True), Port("skeletons_raw")),

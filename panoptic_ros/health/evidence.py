@@ -59,7 +59,10 @@ def add_evidence(
     apart = np.empty((views, 2))
     slopes = np.empty((views, 2, 3))
     weights = np.empty(views)
-    inverse = np.empty((3, 3))
+    total, others, inverse = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    pull, own = np.empty(3), np.empty(3)
+    residual, spread = np.empty(2), np.empty((2, 2))
+    slope = np.empty((2, 4))
     for p in range(people):
         for v in range(views):
             member[v] = -1
@@ -70,8 +73,7 @@ def add_evidence(
         for j in range(joints):
             if not np.isfinite(positions[p, j, 0]):
                 continue
-            total = np.zeros((3, 3))
-            pull = np.zeros(3)
+            total[:], pull[:] = 0.0, 0.0
             count = 0
             for v in range(views):
                 used[v] = False
@@ -104,21 +106,16 @@ def add_evidence(
                 c = cameras[v]
                 if not used[v] or count - trusted[c] < 2:
                     continue
-                others, own = total.copy(), pull.copy()
+                others[:], own[:] = total, pull
                 if trusted[c]:
                     away = spots[v, 2] * np.sqrt(apart[v, 0] ** 2 + apart[v, 1] ** 2)
                     _add(others, own, slopes[v], apart[v], -_robust(weights[v], away))
                 for a in range(3):
                     others[a, a] += LOOSE
                 _invert(others, inverse)
+                _without_own(slopes[v], inverse, own, apart[v], residual, spread)
                 _add_joint(
-                    spots[v],
-                    apart[v] - slopes[v] @ (inverse @ own),
-                    slopes[v] @ inverse @ slopes[v].T,
-                    weights[v],
-                    expected[c],
-                    normals[c],
-                    vectors[c],
+                    spots[v], residual, spread, weights[v], expected[c], slope, normals[c], vectors[c]
                 )
                 seen[c, p] = True
 
@@ -157,8 +154,34 @@ def _invert(matrix, inverse):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _add_joint(spot, residual, spread, weight, expected, normal, vector):
+def _without_own(slope, inverse, own, apart, residual, spread):
+    """Write the residual (2,) and covariance (2, 2) of a joint that the other cameras triangulate.
+
+    Args:
+        slope: (2, 3) derivative of the projected joint by its position.
+        inverse, own: Inverse normal matrix (3, 3) and right-hand side (3,) of the other cameras.
+        apart: (2,) residual at the skeleton's position.
+    """
+    for i in range(2):
+        residual[i] = apart[i]
+        for a in range(3):
+            part = 0.0
+            for b in range(3):
+                part += inverse[a, b] * own[b]
+            residual[i] -= slope[i, a] * part
+        for k in range(2):
+            spread[i, k] = 0.0
+            for a in range(3):
+                for b in range(3):
+                    spread[i, k] += slope[i, a] * inverse[a, b] * slope[k, b]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _add_joint(spot, residual, spread, weight, expected, slope, normal, vector):
     """Add the normal equations of a camera's parameters by one joint.
+
+    They are those of a Newton step from `expected`. The Hessian of the Cauchy cost, averaged over directions
+    in the image, has the square of the gradient's weight. With the weight itself, changes come out too small.
 
     Args:
         spot: (3,) m, the joint in the camera's frame.
@@ -166,19 +189,23 @@ def _add_joint(spot, residual, spread, weight, expected, normal, vector):
         spread: (2, 2) covariance of the other cameras' joint, projected on that plane.
         weight: Inverse variance of the camera's own 2D joint on that plane.
         expected, normal, vector: (4,), (4, 4), (4,), see `add_evidence`.
+        slope: (2, 4) work space.
     """
     x, y = spot[0] / spot[2], spot[1] / spot[2]
-    slope = np.empty((2, 4))
     slope[0, 0], slope[0, 1], slope[0, 2], slope[0, 3] = -x * y, 1.0 + x * x, -y, x
     slope[1, 0], slope[1, 1], slope[1, 2], slope[1, 3] = -1.0 - y * y, x * y, x, y
     a, b, c = spread[0, 0] + 1.0 / weight, spread[0, 1], spread[1, 1] + 1.0 / weight
     scale = 1.0 / (a * c - b * b)
-    left = residual - slope @ expected
-    square = scale * (c * left[0] ** 2 - 2.0 * b * left[0] * left[1] + a * left[1] ** 2)
-    scale /= 1.0 + square / SCALE**2
+    u, v = residual[0], residual[1]
+    for i in range(4):
+        u -= slope[0, i] * expected[i]
+        v -= slope[1, i] * expected[i]
+    square = scale * (c * u**2 - 2.0 * b * u * v + a * v**2)
+    robust = 1.0 / (1.0 + square / SCALE**2)
+    scale *= robust
     for i in range(4):
         first = scale * (c * slope[0, i] - b * slope[1, i])
         second = scale * (a * slope[1, i] - b * slope[0, i])
         vector[i] += first * residual[0] + second * residual[1]
         for k in range(4):
-            normal[i, k] += first * slope[0, k] + second * slope[1, k]
+            normal[i, k] += robust * (first * slope[0, k] + second * slope[1, k])

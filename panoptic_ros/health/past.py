@@ -12,8 +12,9 @@ import numpy as np
 
 Array = np.ndarray
 PARAMETERS = 4  # rotation (rad), logarithm of the focal length
-BLOCK_FRAMES = 5  # frames of a block: half a second
-WINDOW = 6  # blocks of a window: 3 s of walking
+BLOCK_FRAMES = 3  # frames of a block
+BLOCK_S = 0.6  # s of walking in a block
+WINDOW = 5  # blocks of a window: 3 s of walking
 OLDER, NEWER, ALL = slice(0, WINDOW), slice(WINDOW, None), slice(None)  # of the newest blocks
 LOOKS = 2.0  # windows of past that a comparison needs
 TURN, ZOOM = (0, 1, 2), (3,)  # parameters of the two kinds of changes
@@ -34,6 +35,10 @@ class NormalEquations(NamedTuple):
             self.normal[np.ix_(chosen, chosen)] + np.diag(PRIOR[chosen]), self.vector[chosen]
         )
         return solution
+
+    def gain(self, kind: tuple[int, ...]) -> float:
+        """Return the decrease of the squared residuals by the solution of one kind."""
+        return float(self.vector[list(kind)] @ self.solution(kind))
 
 
 SUMS = (
@@ -86,9 +91,11 @@ class PastSums:
         for array in (self.block_normals, self.block_vectors, self.blocks):
             array[camera] = 0
 
-    def ready(self, camera: int) -> bool:
-        """Return whether a camera has two windows and a past."""
-        return bool(self.blocks[camera] == 2 * WINDOW and self.looks[camera] >= LOOKS)
+    @property
+    def ready(self) -> Array:
+        """Return which cameras (C,) have two windows and a past."""
+        ready: Array = (self.blocks == 2 * WINDOW) & (self.looks >= LOOKS)
+        return ready
 
     def difference(self, camera: int, blocks: slice) -> NormalEquations:
         """Return the normal equations of the change of a camera in some of the newest blocks.
@@ -104,6 +111,25 @@ class PastSums:
         )
 
 
+    def gains(self) -> Array:
+        """Return the decrease (C,) of the squared residuals by a change of each camera in both windows.
+
+        It is 0 for a camera that is not ready.
+
+        The unit is the variance of a joint in one window, so a bias of the detector that differs between
+        joints counts as noise.
+        """
+        normal, vector = self.block_normals.mean(axis=1), self.block_vectors.mean(axis=1)[..., None]
+        both = normal + self.past_normals + np.diag(PRIOR)
+        share = np.linalg.solve(both, normal).swapaxes(1, 2)
+        left = vector - share @ (vector + self.past_vectors[..., None])
+        right = normal - share @ normal + np.diag(PRIOR)
+        turn = (left[:, :3] * np.linalg.solve(right[:, :3, :3], left[:, :3])).sum(axis=(1, 2))
+        zoom = left[:, 3, 0] ** 2 / right[:, 3, 3]
+        gains: Array = np.where(self.ready, np.maximum(turn, zoom), 0.0)
+        return gains
+
+
 class CameraChange(NamedTuple):
     """Change of a camera against its past, by the more likely of two kinds.
 
@@ -113,24 +139,21 @@ class CameraChange(NamedTuple):
             in the newer window.
         size: Length of the change in both windows together.
         agreed: The smaller component of the windows' changes along that of both.
-        gain: Decrease of the squared residuals by the change, in standard deviations of one window's joints.
     """
 
     is_zoom: bool
     change: Array
     size: float
     agreed: float
-    gain: float
 
 
 def change_of(sums: PastSums, camera: int) -> CameraChange:
     """Return the change of a camera in its two windows."""
     both, older, newer = (sums.difference(camera, blocks) for blocks in (ALL, OLDER, NEWER))
     turn, zoom = both.solution(TURN), both.solution(ZOOM)
-    gains = [float(both.vector[list(kind)] @ own) for kind, own in ((TURN, turn), (ZOOM, zoom))]
-    is_zoom = gains[1] > gains[0]
+    is_zoom = both.gain(ZOOM) > both.gain(TURN)
     kind, whole = (ZOOM, zoom) if is_zoom else (TURN, turn)
     size = float(np.linalg.norm(whole))
     parts = [one.solution(kind) for one in (older, newer)]
     agreed = min(float(part @ whole) for part in parts) / max(size, 1e-12)
-    return CameraChange(is_zoom, parts[1], size, agreed, max(gains))
+    return CameraChange(is_zoom, parts[1], size, agreed)

@@ -14,18 +14,18 @@ from panoptic_ros.geometry import Rigid
 from panoptic_ros.geometry.rotations import rotations_of
 from panoptic_ros.health.config import HealthConfig
 from panoptic_ros.health.evidence import add_evidence
-from panoptic_ros.health.past import BLOCK_FRAMES, SUMS, CameraChange, PastSums, change_of
+from panoptic_ros.health.past import BLOCK_S, SUMS, CameraChange, PastSums, change_of
 from panoptic_ros.solving.example import cloud_of_joints
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
 Array = np.ndarray
 SECOND = 1_000_000_000
-SPACING_NS = 90_000_000  # ns between two used sets: bias, not noise, limits the result
+SPACING_NS = 190_000_000  # ns between two used sets: bias, not noise, limits the result
 PAUSE_NS = SECOND  # ns without a set after which all motion is unknown
 TRAIL_NS = SECOND // 2  # ns over which the motion of a body is measured
 AGREED = 0.25  # share of the limit by which each of two windows must differ in the same direction
-LEAST_GAIN = 0.45  # of `CameraChange`; simulated detectors without a bump reach 0.40 (study camera-health)
+LEAST_GAIN = 0.9  # of `PastSums.gains`; simulated detectors without a change reach 0.8
 WALKING = 0.3  # m/s, slower people stand: sway of the body and gestures stay below
 MEASURED = int(JointState.MEASURED)
 _Trail = deque[tuple[int, tuple[float, float, float]]]  # timestamps ns, centres of a body m
@@ -50,7 +50,7 @@ class HealthStage(Stateful):
     def __init__(self, config: HealthConfig, context: StageContext):
         self._config, self._rig, self._hash = config, context.rig, context.skeleton.hash
         self._arrays = RigArrays.of(context.rig)
-        self._keep = float(np.exp(-0.1 * BLOCK_FRAMES / config.memory_s))
+        self._keep = float(np.exp(-BLOCK_S / config.memory_s))
         self._limits = np.deg2rad(config.turn_deg), config.zoom
         self.reset()
         if config.active:
@@ -103,7 +103,7 @@ class HealthStage(Stateful):
             there = item.states[p] == MEASURED
             trail = self._trails.get(number, deque())
             if there.any():
-                x, y, z = np.median(item.positions[p][there], axis=0).tolist()
+                x, y, z = item.positions[p][there].mean(axis=0).tolist()
                 trail.append((item.stamp_ns, (x, y, z)))
             while len(trail) > 2 and item.stamp_ns - trail[1][0] >= TRAIL_NS:
                 trail.popleft()
@@ -156,20 +156,22 @@ class HealthStage(Stateful):
     def _judged(self, cameras: list[int]) -> StepResult[Rig]:
         """Return the notices of cameras whose block has ended, and the rig if it was corrected."""
         sums = self._sums
-        ready = [c for c in cameras if sums.ready(c)]
+        ready = [c for c in cameras if sums.ready[c]]
         if not ready:
             return StepResult()
-        judged = {c: change_of(sums, c) for c in range(len(self._rig)) if sums.ready(c)}
         names = self._rig.names
-        most = max((judged[c].gain for c in judged if names[c] not in self._named), default=0.0)
-        for c in ready:
-            found, limit = judged[c], self._limits[judged[c].is_zoom]
-            if names[c] in self._named:
-                if found.size < limit:
-                    self._named.discard(names[c])
-            elif found.gain >= max(most, LEAST_GAIN) and found.size > limit and found.agreed > AGREED * limit:
-                return self._found(c, found)
-        return StepResult()
+        for c in [c for c in ready if names[c] in self._named]:
+            found = change_of(sums, c)
+            if found.size < self._limits[found.is_zoom]:
+                self._named.discard(names[c])
+        gains = np.where([name in self._named for name in names], 0.0, sums.gains())
+        camera = int(gains.argmax())
+        if camera not in ready or gains[camera] < LEAST_GAIN:
+            return StepResult()
+        found = change_of(sums, camera)
+        limit = self._limits[found.is_zoom]
+        good = found.size > limit and found.agreed > AGREED * limit
+        return self._found(camera, found) if good else StepResult()
 
     def _found(self, camera: int, found: CameraChange) -> StepResult[Rig]:
         """Return the notice of a change, and the corrected rig if the stage repairs."""
