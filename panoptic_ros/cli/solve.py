@@ -25,6 +25,7 @@ TOLD = (
     "result.free_running",
     "health.turned",
     "health.zoomed",
+    "health.repaired",
 )  # notices that are printed in full; others are only counted
 
 

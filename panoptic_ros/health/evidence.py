@@ -206,6 +206,8 @@ def _add_joint(spot, residual, spread, weight, expected, slope, normal, vector):
     for i in range(4):
         first = scale * (c * slope[0, i] - b * slope[1, i])
         second = scale * (a * slope[1, i] - b * slope[0, i])
-        vector[i] += first * residual[0] + second * residual[1]
+        vector[i] += first * u + second * v
         for k in range(4):
-            normal[i, k] += robust * (first * slope[0, k] + second * slope[1, k])
+            curvature = robust * (first * slope[0, k] + second * slope[1, k])
+            normal[i, k] += curvature
+            vector[i] += curvature * expected[k]

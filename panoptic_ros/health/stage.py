@@ -36,8 +36,9 @@ class HealthStage(Stateful):
 
     Only people who walk count: the detector's bias of a person who stays is that of one pose. A camera is
     named if its rotation or focal length differs from the past by more than the limit, in two successive
-    windows of 3 s of walking. Without repair, a named camera gives no evidence about others until it is as it
-    was. A corrected rig is given out; the graph makes the stage anew with it.
+    windows of 3 s of walking. A named camera gives no evidence about others until it is repaired, or is as it
+    was. A repair takes two more windows, which begin after the change. The stage gives out a corrected rig;
+    the graph makes the stage anew with it.
     """
 
     LAYOUT = StateLayout(
@@ -49,6 +50,7 @@ class HealthStage(Stateful):
 
     def __init__(self, config: HealthConfig, context: StageContext):
         self._config, self._rig, self._hash = config, context.rig, context.skeleton.hash
+        self._names = context.rig.names
         self._arrays = RigArrays.of(context.rig)
         self._keep = float(np.exp(-BLOCK_S / config.memory_s))
         self._limits = np.deg2rad(config.turn_deg), config.zoom
@@ -63,7 +65,7 @@ class HealthStage(Stateful):
         self._trails: dict[int, _Trail] = {}
         self._evidence: tuple[int, Evidence] | None = None
         self._used_ns: int | None = None
-        self._named: set[str] = set()  # cameras that are not as they were
+        self._named = np.zeros(len(self._rig), bool)  # (C,) cameras that are not as they were
 
     def flush(self) -> StepResult[Rig]:
         """Reset the stage. It has no buffered records."""
@@ -121,7 +123,7 @@ class HealthStage(Stateful):
         """Add the evidence of the people who walk to the current blocks."""
         sources = item.sources
         assert sources is not None
-        order = [sources.cameras.index(self._rig.names[c]) for c in evidence.cameras.tolist()]
+        order = [sources.cameras.index(self._names[c]) for c in evidence.cameras.tolist()]
         positions = np.where((item.states == MEASURED)[..., None], item.positions, np.nan)
         self._add_people(
             evidence,
@@ -136,7 +138,7 @@ class HealthStage(Stateful):
         add_evidence(
             self._arrays.rotations,
             self._arrays.translations,
-            np.array([name not in self._named for name in self._rig.names]),
+            ~self._named,
             evidence.cameras,
             evidence.starts,
             evidence.rows,
@@ -156,40 +158,50 @@ class HealthStage(Stateful):
     def _judged(self, cameras: list[int]) -> StepResult[Rig]:
         """Return the notices of cameras whose block has ended, and the rig if it was corrected."""
         sums = self._sums
-        ready = [c for c in cameras if sums.ready[c]]
+        are_ready = sums.ready
+        ready = [c for c in cameras if are_ready[c]]
         if not ready:
             return StepResult()
-        names = self._rig.names
-        for c in [c for c in ready if names[c] in self._named]:
-            found = change_of(sums, c)
-            if found.size < self._limits[found.is_zoom]:
-                self._named.discard(names[c])
-        gains = np.where([name in self._named for name in names], 0.0, sums.gains())
+        for c in [c for c in ready if self._named[c]]:
+            result = self._followed(c)
+            if result is not None:
+                return result
+        gains = np.where(self._named, 0.0, sums.gains())
         camera = int(gains.argmax())
         if camera not in ready or gains[camera] < LEAST_GAIN:
             return StepResult()
         found = change_of(sums, camera)
         limit = self._limits[found.is_zoom]
-        good = found.size > limit and found.agreed > AGREED * limit
-        return self._found(camera, found) if good else StepResult()
+        if not (found.size > limit and found.agreed > AGREED * limit):
+            return StepResult()
+        self._named[camera] = True
+        for c in range(len(self._names)):
+            sums.restart(c)
+        return StepResult(notices=(self._notice(camera, found),))
 
-    def _found(self, camera: int, found: CameraChange) -> StepResult[Rig]:
-        """Return the notice of a change, and the corrected rig if the stage repairs."""
-        own = self._rig.cameras[camera]
-        for c in range(len(self._rig)):
-            self._sums.restart(c)
-        values = {"device": own.name}
-        code = "health.zoomed" if found.is_zoom else "health.turned"
-        text = _described(own, found)
+    def _followed(self, camera: int) -> StepResult[Rig] | None:
+        """Return what is to be said about a named camera after two more windows; None = it is as it was."""
+        found = change_of(self._sums, camera)
+        if found.size < self._limits[found.is_zoom]:
+            self._named[camera] = False
+            return None
         if not self._config.repair:
-            self._named.add(own.name)
-            text += "; calibrate again, or use --repair"
-            return StepResult(notices=(Notice(code, "warning", text, values),))
+            self._sums.restart(camera)
+            return StepResult(notices=(self._notice(camera, found),))
+        self._named[camera] = False
+        for c in range(len(self._names)):
+            self._sums.restart(c)
         cameras = list(self._rig.cameras)
-        cameras[camera] = corrected(own, found)
-        rig = replace(self._rig, cameras=tuple(cameras))
-        text += "; the rig is corrected"
-        return StepResult((rig,), (Notice(code, "warning", text, values),))
+        cameras[camera] = corrected(cameras[camera], found)
+        text = f"{_described(cameras[camera], found)}; the rig is corrected"
+        notice = Notice("health.repaired", "warning", text, {"device": self._names[camera]})
+        return StepResult((replace(self._rig, cameras=tuple(cameras)),), (notice,))
+
+    def _notice(self, camera: int, found: CameraChange) -> Notice:
+        own = self._rig.cameras[camera]
+        code = "health.zoomed" if found.is_zoom else "health.turned"
+        more = "it is measured again for the repair" if self._config.repair else "calibrate again, or use --repair"
+        return Notice(code, "warning", f"{_described(own, found)}; {more}", {"device": own.name})
 
     def _compile(self, joints: Array) -> None:
         """Compile the kernels with a person whom nobody sees."""

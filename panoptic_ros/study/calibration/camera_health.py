@@ -28,7 +28,7 @@ from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
 RATE = 10.0  # Hz; the stage uses ten sets a second at most
 BEFORE_S = (18.0, 22.0)  # range of the time of the event
-AFTER_S = 12.0  # s after the event in which a camera can be named
+AFTER_S = 16.0  # s after the event in which a camera can be named and repaired
 SOON_S = 6.0  # limit of the delay
 BIAS = 0.015  # m
 TURN, ZOOM = np.deg2rad(0.2), 0.01
