@@ -64,7 +64,7 @@ class PastSums:
         self.past_normals = np.zeros((cameras, PARAMETERS, PARAMETERS))
         self.past_vectors = np.zeros((cameras, PARAMETERS))
         self.looks = np.zeros(cameras)  # windows behind the past
-        self.expected = np.zeros((cameras, PARAMETERS))  # parameters that fit all evidence
+        self.expected = np.zeros((cameras, PARAMETERS))  # parameters that fit the newest blocks
 
     def close(self, keep: float) -> list[int]:
         """End the blocks that are complete, and return their cameras.
@@ -84,9 +84,8 @@ class PastSums:
             self.block_vectors[c, -1] = self.vectors[c] / self.frames[c]
             self.blocks[c] = min(self.blocks[c] + 1, 2 * WINDOW)
             self.normals[c], self.vectors[c], self.frames[c] = 0.0, 0.0, 0
-            normal = self.past_normals[c] + self.block_normals[c].sum(axis=0) / WINDOW
-            vector = self.past_vectors[c] + self.block_vectors[c].sum(axis=0) / WINDOW
-            self.expected[c] = np.linalg.solve(normal + np.diag(PRIOR), vector)
+            normal = self.block_normals[c].sum(axis=0) / WINDOW + np.diag(PRIOR)
+            self.expected[c] = np.linalg.solve(normal, self.block_vectors[c].sum(axis=0) / WINDOW)
         return full
 
     def restart(self, camera: int) -> None:
