@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from panoptic_ros.geometry.robust import noise_growth
 from panoptic_ros.kernels import njit
 
 Array = np.ndarray
@@ -114,16 +115,14 @@ def add_evidence(
                     others[a, a] += LOOSE
                 _invert(others, inverse)
                 _without_own(slopes[v], inverse, own, apart[v], residual, spread)
-                _add_joint(
-                    spots[v], residual, spread, weights[v], expected[c], slope, normals[c], vectors[c]
-                )
+                _add_joint(spots[v], residual, spread, weights[v], expected[c], slope, normals[c], vectors[c])
                 seen[c, p] = True
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _robust(weight, away):
     """Return the Cauchy weight of a residual of `away` m, times `weight`."""
-    return weight / (1.0 + (away / (SCALE * SPREAD)) ** 2)
+    return weight / noise_growth((away / SPREAD) ** 2, SCALE)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -201,7 +200,7 @@ def _add_joint(spot, residual, spread, weight, expected, slope, normal, vector):
         u -= slope[0, i] * expected[i]
         v -= slope[1, i] * expected[i]
     square = scale * (c * u**2 - 2.0 * b * u * v + a * v**2)
-    robust = 1.0 / (1.0 + square / SCALE**2)
+    robust = 1.0 / noise_growth(square, SCALE)
     scale *= robust
     for i in range(4):
         first = scale * (c * slope[0, i] - b * slope[1, i])

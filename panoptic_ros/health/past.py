@@ -46,9 +46,7 @@ class NormalEquations(NamedTuple):
         return float(self.vector[list(kind)] @ self.solution(kind))
 
 
-SUMS = (
-    "normals vectors frames block_normals block_vectors blocks past_normals past_vectors looks expected"  # of `PastSums`
-)
+SUMS = "normals vectors frames block_normals block_vectors blocks past_normals past_vectors looks expected"
 
 
 class PastSums:
@@ -90,10 +88,8 @@ class PastSums:
 
     def restart(self, camera: int) -> None:
         """Forget the newest evidence of a camera, but not its past."""
-        for array in (self.normals, self.vectors, self.frames):
-            array[camera] = 0
-        for array in (self.block_normals, self.block_vectors, self.blocks):
-            array[camera] = 0
+        self.normals[camera], self.vectors[camera], self.frames[camera] = 0.0, 0.0, 0
+        self.block_normals[camera], self.block_vectors[camera], self.blocks[camera] = 0.0, 0.0, 0
 
     @property
     def ready(self) -> Array:
@@ -110,10 +106,7 @@ class PastSums:
         vector = self.block_vectors[camera, blocks].mean(axis=0)
         both = normal + self.past_normals[camera] + np.diag(PRIOR)
         share = np.linalg.solve(both, normal).T
-        return NormalEquations(
-            normal - share @ normal, vector - share @ (vector + self.past_vectors[camera])
-        )
-
+        return NormalEquations(normal - share @ normal, vector - share @ (vector + self.past_vectors[camera]))
 
     def gains(self) -> Array:
         """Return the decrease (C,) of the squared residuals by a change of each camera in both windows.

@@ -200,7 +200,11 @@ class HealthStage(Stateful):
     def _notice(self, camera: int, found: CameraChange) -> Notice:
         own = self._rig.cameras[camera]
         code = "health.zoomed" if found.is_zoom else "health.turned"
-        more = "it is measured again for the repair" if self._config.repair else "calibrate again, or use --repair"
+        more = (
+            "it is measured again for the repair"
+            if self._config.repair
+            else "calibrate again, or use --repair"
+        )
         return Notice(code, "warning", f"{_described(own, found)}; {more}", {"device": own.name})
 
     def _compile(self, joints: Array) -> None:
@@ -214,7 +218,9 @@ class HealthStage(Stateful):
 
 def _described(camera: Camera, found: CameraChange) -> str:
     if found.is_zoom:
-        return f"camera {camera.name} has zoomed: focal length {np.expm1(found.change[0]):+.1%} against its past"
+        return (
+            f"camera {camera.name} has zoomed: focal length {np.expm1(found.change[0]):+.1%} against its past"
+        )
     turn = np.rad2deg(np.linalg.norm(found.change))
     return f"camera {camera.name} has turned by {turn:.2f} deg against its past"
 

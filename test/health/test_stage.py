@@ -35,7 +35,7 @@ def after(camera, changed, seconds=30.0):
 @pytest.mark.parametrize("camera", range(4))
 def test_a_tilt_of_a_fifth_of_a_degree_is_named_within_six_seconds(camera):
     notices, rigs = told(after(camera, walkers.turned(CAMERAS[camera], (0.14, -0.14, 0.0))))
-    time_s, notice = notices[0]
+    time_s, _ = notices[0]
     assert EVENT_S < time_s <= EVENT_S + SOON_S
     assert {(n.code, n.values["device"]) for _, n in notices} == {
         ("health.turned", captures.RIG.names[camera])

@@ -166,9 +166,7 @@ def watched(
         StageContext(take.rig, SKELETON),
         (*FUSION, "health"),
         on_record=record,
-        on_notice=lambda stage, notice: (
-            run.told.append((now[0], notice)) if notice.code in CODES else None
-        ),
+        on_notice=lambda stage, notice: run.told.append((now[0], notice)) if notice.code in CODES else None,
         on_step=spend,
         clock=time.perf_counter_ns,
     )
@@ -201,7 +199,5 @@ def figures(run: HealthRun, rig: Rig, event: CameraEvent | None, seconds: float)
         left = found.cam_from_world.rotation @ true.cam_from_world.rotation.T
         row["delay_s"] = own[0]
         row["error_rad"] = float(np.linalg.norm(vectors_of(np.ascontiguousarray(left[None]))[0]))
-        row["error_focal"] = float(
-            abs(found.intrinsics.matrix[0, 0] / true.intrinsics.matrix[0, 0] - 1.0)
-        )
+        row["error_focal"] = float(abs(found.intrinsics.matrix[0, 0] / true.intrinsics.matrix[0, 0] - 1.0))
     return row
