@@ -15,7 +15,7 @@ from panoptic_ros.simulation.simulate import Simulation, view_of
 from panoptic_ros.simulation.skeleton import JOINTS, SKELETON, J
 
 Array = np.ndarray
-HARMONICS = 2  # of the angle between body and camera
+HARMONICS = 2  # number of harmonics in the angle between body and camera
 
 
 @dataclass(frozen=True)

@@ -96,7 +96,7 @@ IN_ORDER = tuple(
 
 @pytest.mark.parametrize("name", IN_ORDER)
 def test_stamps_never_go_back(name):
-    """Of the records of a camera, or of the graph; clock models and timecode are of other times, rigs of none."""
+    """Of the records of a camera or the graph; clock models and timecode are of other times, rigs of none."""
     newest = {}
     for output in run(cases()[name].stage(), cases()[name].items):
         owner = getattr(output, "camera", "")

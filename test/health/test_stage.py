@@ -26,7 +26,7 @@ def told(items, **values):
 
 
 def after(camera, changed, seconds=30.0):
-    """A walk during which a camera changes."""
+    """Return items of a walk during which a camera changes."""
     others = list(CAMERAS)
     others[camera] = changed
     return walkers.walk(seconds, ((EVENT_S, tuple(others)),))

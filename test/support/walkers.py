@@ -25,21 +25,21 @@ STEP_NS = 100_000_000
 
 
 def turned(camera, degrees):
-    """The camera, turned about its centre by a vector (3,) of degrees in its own axes."""
+    """Return the camera turned about its centre by a vector (3,) of degrees in its own axes."""
     turn = rotations_of(np.deg2rad(np.array(degrees, float))[None])[0]
     pose = camera.cam_from_world
     return replace(camera, cam_from_world=Rigid(turn @ pose.rotation, turn @ pose.translation))
 
 
 def zoomed(camera, factor):
-    """The camera with another focal length."""
+    """Return the camera with another focal length."""
     matrix = camera.intrinsics.matrix.copy()
     matrix[:2, :2] *= factor
     return replace(camera, intrinsics=replace(camera.intrinsics, matrix=matrix))
 
 
 def instant(index, cameras, time_s):
-    """An association of the two people of `captures`, and the people who were made from it."""
+    """Return an association of the two people of `captures`, and the people who were made from it."""
     stamp = index * STEP_NS
     seen = captures.people(time_s)
     views = []
@@ -80,7 +80,7 @@ def walk(seconds, changes=(), start_s=0.0, still=False):
 
     Args:
         changes: Pairs of a time (s) and the cameras that film from then on.
-        still: Whether nobody moves.
+        still: Whether all people stand still.
     """
     items = []
     for index in range(round(10 * seconds)):
@@ -94,7 +94,7 @@ def walk(seconds, changes=(), start_s=0.0, still=False):
 
 @cache
 def walked():
-    """A walk during which one camera turns, and another one zooms."""
+    """Return a walk during which one camera turns, and another one zooms."""
     first, second, *rest = captures.RIG.cameras
     one = (turned(first, (0.0, 0.6, 0.0)), second, *rest)
     return walk(34, ((14, one), (24, (one[0], zoomed(second, 1.03), *rest))))

@@ -58,7 +58,7 @@ EVENTS = ("tilt", "any", "zoom", "none")
 
 @dataclass
 class HealthRun:
-    """What the graph reported about the cameras: notices with their times (s), and the corrected rig."""
+    """Reports of the graph about the cameras: notices with their times (s), and the corrected rig."""
 
     told: list[tuple[float, Notice]] = field(default_factory=list)
     rig: Rig | None = None
