@@ -44,7 +44,7 @@ def add_evidence(
     Args:
         rotations, translations: (C, 3, 3), (C, 3) m of cam_from_world.
         trusted: (C,) bool, cameras whose views triangulate joints.
-        cameras, starts, rows, plane, scores, delays: Of the 2D poses, see `domain.Evidence`.
+        cameras, starts, rows, plane, scores, delays: Arrays of `domain.Evidence`.
         persons: (P, V) row of each person's 2D pose in its view, -1 = none.
         positions: (P, J, 3) m, joints, NaN = missing.
         velocities: (P, 3) m/s, velocity of each body.

@@ -15,7 +15,7 @@ PARAMETERS = 4  # rotation (rad), logarithm of the focal length
 BLOCK_FRAMES = 3  # frames of a block
 BLOCK_S = 0.6  # s of walking in a block
 WINDOW = 5  # blocks of a window: 3 s of walking
-OLDER, NEWER, ALL = slice(0, WINDOW), slice(WINDOW, None), slice(None)  # of the newest blocks
+OLDER, NEWER, ALL = slice(0, WINDOW), slice(WINDOW, None), slice(None)  # parts of the newest blocks
 LOOKS = 2.0  # windows of past that a comparison needs
 TURN, ZOOM = (0, 1, 2), (3,)  # parameters of the two kinds of changes
 # Prior standard deviations: 1 deg and 3 % of the focal length. They bound estimates of a narrow view.

@@ -38,7 +38,7 @@ class HealthStage(Stateful):
     named if its rotation or focal length differs from the past by more than the limit, in two successive
     windows of 3 s of walking. A named camera gives no evidence about others until it is repaired, or is as it
     was. A repair takes two more windows, which begin after the change. The stage gives out a corrected rig;
-    the graph makes the stage anew with it.
+    the graph constructs the stage again with it.
     """
 
     LAYOUT = StateLayout(
@@ -208,7 +208,7 @@ class HealthStage(Stateful):
         return Notice(code, "warning", f"{_described(own, found)}; {more}", {"device": own.name})
 
     def _compile(self, joints: Array) -> None:
-        """Compile the kernels with a person whom nobody sees."""
+        """Compile the kernels with a person without 2D poses."""
         none = np.zeros(0, np.int64)
         nobody = np.zeros((0, len(joints)))
         plane = np.zeros((0, len(joints), 2))
