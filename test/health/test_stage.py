@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 import walkers
 
+from panoptic_ros.domain import AssociationSet
 from panoptic_ros.geometry.rotations import vectors_of
 from panoptic_ros.graph.build import configure, make_stage
+from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.health.past import WINDOW, PastSums, change_of
 
 CAMERAS = captures.RIG.cameras
@@ -56,6 +58,16 @@ def test_repair_gives_the_rig_with_the_camera_as_it_is():
     assert np.rad2deg(np.linalg.norm(vectors_of(np.ascontiguousarray(left[None])))) < 0.1
     assert np.allclose(rigs[0].cameras[1].centre, CAMERAS[1].centre)
     assert rigs[0].cameras[0] is CAMERAS[0]
+
+
+def test_the_pipeline_goes_on_with_the_corrected_rig():
+    pipeline = Pipeline(configure({"health": {"repair": True}}), captures.CONTEXT, ("health",))
+    before = pipeline.stage("health")
+    for item in after(1, walkers.turned(CAMERAS[1], (0.4, 0.3, 0.0)), 26.0):
+        pipeline.push("associations" if isinstance(item, AssociationSet) else "skeletons_raw", item)
+    now = pipeline.stage("health")
+    assert now is not before
+    assert now._rig.cameras[1] is not CAMERAS[1]
 
 
 def test_nobody_is_named_without_a_change_or_without_walking():
