@@ -44,6 +44,10 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
         "calibration.sessions:CalibrationSessions",
         "cameras from recorded corners of a board, scored on corners that are left out",
     ),
+    "camera-health": (
+        "calibration.camera_health:CameraHealth",
+        "cameras that turn or zoom while people walk: delay of the alarm, false alarms, error after repair",
+    ),
     "cameras": (
         "rigs.cameras:Cameras",
         "PCK by the number of cameras of a rig (Joo et al. 2017, Fig. 8)",

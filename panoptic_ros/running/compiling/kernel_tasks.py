@@ -108,6 +108,7 @@ TASKS: dict[str, Callable[[], None]] = {
     "refinement": partial(_stage, "refinement"),
     "exact votes": partial(_stage, "voting", method="exact", parts=True),
     "tracking": partial(_stage, "tracking"),
+    "health": partial(_stage, "health"),
     "kinematics": _kinematics,
     "continuous": _continuous,
     "calibration": _calibration,
