@@ -14,6 +14,7 @@ WINDOW = 5  # px, half width of the window of the sub-pixel refinement; less on 
 WINDOW_SHARE = 0.3  # greatest half width of that window over the distance to the nearest corner
 STEPS = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-3)
 FEWEST = 4  # corners of a view
+REPEATED = 2  # markers seen twice that prove two identical boards; texture repeats single ones
 APRIL_BORDER = 2  # bits, black border of the tags of Kalibr's grids
 
 
@@ -24,6 +25,22 @@ class BoardAppearance(NamedTuple):
     mirrored: bool
 
 
+class BoardSight(NamedTuple):
+    """Board in one image.
+
+    Args:
+        numbers: (K,) points of the board, ascending. pixels: (K, 2) px.
+        appearance: How the board appears.
+        repeated: Number of markers that are seen twice. Two identical boards are ambiguous, so K is 0.
+    """
+
+    numbers: Array
+    pixels: Array
+    appearance: BoardAppearance
+    repeated: int = 0
+
+
+NOTHING = np.zeros(0, np.int64), np.zeros((0, 2))
 APPEARANCES = tuple(BoardAppearance(i, m) for m in (False, True) for i in (False, True))
 
 
@@ -50,66 +67,75 @@ class BoardDetector:
             parameters.markerBorderBits = APRIL_BORDER
             self._markers = cv2.aruco.ArucoDetector(dictionary, parameters)
 
-    def detect(self, image: Array) -> tuple[Array, Array, BoardAppearance] | None:
-        """Return numbers (K,), pixels (K, 2) and the appearance of the board in a grey image (H, W) uint8.
+    def detect(self, image: Array) -> BoardSight | None:
+        """Return the board in a grey image (H, W) uint8; None if fewer than four corners are found.
 
-        None if fewer than four corners are found. The appearance of the last view is tried first.
+        The appearance of the last view is tried first.
         """
         for appearance in tuple(self._order):
             seen = 255 - image if appearance.inverted else image
             seen = np.ascontiguousarray(seen[:, ::-1]) if appearance.mirrored else seen
-            found = self._found(seen)
-            if found is None:
+            numbers, pixels, repeated = self._found(seen)
+            if repeated < REPEATED and len(numbers) < FEWEST:
                 continue
-            numbers, pixels = found
             if appearance.mirrored:
                 pixels[:, 0] = image.shape[1] - 1 - pixels[:, 0]
             self._order.remove(appearance)
             self._order.insert(0, appearance)
-            return numbers, pixels, appearance
+            return BoardSight(numbers, pixels, appearance, repeated if repeated >= REPEATED else 0)
         return None
 
-    def _found(self, image: Array) -> tuple[Array, Array] | None:
+    def _found(self, image: Array) -> tuple[Array, Array, int]:
+        """Return numbers, refined pixels, and the number of repeated markers; without points if enough."""
         find = {"charuco": self._charuco_corners, "checkerboard": self._corners, "aprilgrid": self._tags}
-        numbers, pixels = find[self.board.kind](image)
+        numbers, pixels, repeated = find[self.board.kind](image)
+        if repeated >= REPEATED:
+            return *NOTHING, repeated
         inside = (pixels >= 0.0).all(axis=1) & (pixels <= np.array(image.shape[1::-1]) - 1).all(axis=1)
         if inside.sum() < FEWEST:
-            return None
+            return *NOTHING, repeated
         order = np.argsort(numbers[inside])
-        return numbers[inside][order], _refined(image, pixels[inside][order])
+        return numbers[inside][order], _refined(image, pixels[inside][order]), repeated
 
-    def _charuco_corners(self, image: Array) -> tuple[Array, Array]:
-        corners, ids, _, _ = self._charuco.detectBoard(image)
-        return _arrays(ids, corners)
+    def _charuco_corners(self, image: Array) -> tuple[Array, Array, int]:
+        corners, ids, _, markers = self._charuco.detectBoard(image)
+        return *_arrays(ids, corners), _repeated(markers)
 
-    def _corners(self, image: Array) -> tuple[Array, Array]:
+    def _corners(self, image: Array) -> tuple[Array, Array, int]:
         size = (self.board.columns, self.board.rows)
         found, corners = cv2.findChessboardCornersSB(image, size, flags=cv2.CALIB_CB_ACCURACY)
-        return _arrays(np.arange(size[0] * size[1]), corners) if found else _arrays(None, None)
+        return *(_arrays(np.arange(size[0] * size[1]), corners) if found else NOTHING), 0
 
-    def _tags(self, image: Array) -> tuple[Array, Array]:
+    def _tags(self, image: Array) -> tuple[Array, Array, int]:
         corners, ids, _ = self._markers.detectMarkers(image)
         if ids is None:
-            return _arrays(None, None)
+            return *NOTHING, 0
         tags = ids.reshape(-1)
         count = self.board.columns * self.board.rows
         known = [(tag, np.reshape(own, (4, 2))) for tag, own in zip(tags, corners) if 0 <= tag < count]
         once = [(tag, own) for tag, own in known if np.sum(tags == tag) == 1]
         if len(once) < 2:
-            return _arrays(None, None)
+            return *NOTHING, _repeated(tags)
         pixels = np.concatenate([own for _, own in once]).astype(np.float64)
         # OpenCV before version 5 has tags turned by half a turn against AprilTag's own images
         numbered = [
             np.concatenate([4 * tag + np.roll(np.arange(4), turn) for tag, _ in once]) for turn in (0, 2)
         ]
         losses = [_homography_loss(self.board.points[numbers, :2], pixels) for numbers in numbered]
-        return _arrays(numbered[int(np.argmin(losses))], pixels)
+        return *_arrays(numbered[int(np.argmin(losses))], pixels), _repeated(tags)
 
 
 def _arrays(numbers: Array | None, pixels: Array | None) -> tuple[Array, Array]:
     if numbers is None or pixels is None:
-        return np.zeros(0, np.int64), np.zeros((0, 2))
+        return NOTHING
     return np.asarray(numbers, np.int64).reshape(-1), np.asarray(pixels, np.float64).reshape(-1, 2)
+
+
+def _repeated(markers: Array | None) -> int:
+    """Return the number of markers that are seen more than once."""
+    if markers is None:
+        return 0
+    return int((np.unique(markers, return_counts=True)[1] > 1).sum())
 
 
 def _homography_loss(flat: Array, pixels: Array) -> float:

@@ -10,6 +10,8 @@ import cv2
 import numpy as np
 
 from panoptic_ros.errors import UsageError, shown
+from panoptic_ros.geometry import Rigid
+from panoptic_ros.geometry.rotations import rotations_of
 
 Array = np.ndarray
 BoardKind = Literal["charuco", "checkerboard", "aprilgrid"]
@@ -101,9 +103,16 @@ class Board:
         return (self.columns + outer) * self.size, (self.rows + outer) * self.size
 
     @property
-    def symmetric(self) -> bool:
-        """Return whether a half turn of the board looks the same: its points then have two numberings."""
-        return self.kind == "checkerboard" and (self.columns + self.rows) % 2 == 0
+    def turns(self) -> tuple[Rigid, ...]:
+        """Return the turns about its centre, but for none, after which a checkerboard may look the same.
+
+        OpenCV numbers the corners of such boards by the image, so views of one instant may disagree.
+        """
+        if self.kind != "checkerboard" or (self.columns + self.rows) % 2:
+            return ()
+        centre, quarters = self.points.mean(axis=0), (1, 2, 3) if self.columns == self.rows else (2,)
+        turned = rotations_of(np.array([[0.0, 0.0, 0.5 * np.pi * k] for k in quarters]))
+        return tuple(Rigid(turn, centre - turn @ centre) for turn in turned)
 
 
 def parse_board(text: str) -> Board:

@@ -20,6 +20,7 @@ GOOD_FOCAL = 3e-3  # relative, standard deviation of a focal length
 GOOD_CENTRE_PX = 5.0  # px, standard deviation of the principal point
 GOOD_NOISE_PX = 0.5  # px per axis
 GOOD_VIEWS = 15
+MOST_REJECTED = 0.1  # share of images left out that needs no mention
 GOOD_COVERAGE = 0.6  # share of the cells of an image
 ASYNCHRONOUS_S = 0.025  # s, offset or spread of stamps beyond which a camera is not synchronous
 REFUSED = 5.0  # times these limits: the calibration is not usable
@@ -31,6 +32,7 @@ class CameraQuality(NamedTuple):
     Args:
         name: Its name.
         views: Number of views. points: Number of points in them. outliers: Points left out.
+        rejected: Views of which most points were left out.
         noise_px: Residual, px per axis.
         coverage: Share of the cells of the image with points.
         focal_sd: Relative standard deviation of the focal length.
@@ -43,6 +45,7 @@ class CameraQuality(NamedTuple):
     views: int
     points: int
     outliers: int
+    rejected: int
     noise_px: float
     coverage: float
     focal_sd: float
@@ -77,6 +80,7 @@ def quality_of(rig: CalibratedRig) -> Quality:
     errors = predicted_errors(rig, space_of(rig))
     seen, states = rig.seen, rig.state.cameras
     own = seen.cameras[seen.views]
+    rejected = rig.rejected
     offsets = states.offsets - np.median(states.offsets)  # one late camera must not blame the others
     cameras = []
     for c, given in enumerate(rig.inputs):
@@ -87,6 +91,7 @@ def quality_of(rig: CalibratedRig) -> Quality:
                 int((np.diff(seen.starts)[seen.cameras == c] > 0).sum()),
                 int((own == c).sum()),
                 int(rig.outliers[c]),
+                int(rejected[seen.cameras == c].sum()),
                 float(rig.noise[c]),
                 coverage_of(seen.pixels[own == c], given.size),
                 float(lens_sd[:2].max() / states.lenses[c, 0]),
@@ -208,6 +213,11 @@ def doubts(quality: Quality) -> list[str]:
             lines.append(
                 f"{where}the residual is {camera.noise_px:.2f} px; check focus, motion blur and flatness of "
                 "the board"
+            )
+        if camera.rejected > MOST_REJECTED * camera.views:
+            lines.append(
+                f"{where}{camera.rejected} of {camera.views + camera.rejected} images contradict the others "
+                "and were left out; check for a second board, a wrong grid, or wrong stamps"
             )
         lines += _clock_doubts(camera, where)
     return lines

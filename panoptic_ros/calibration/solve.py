@@ -23,6 +23,7 @@ from panoptic_ros.calibration.projection import OFFSET, POSE
 from panoptic_ros.calibration.rig_start import SCALE, CameraInput, RigStart, start_rig, with_best_targets
 from panoptic_ros.calibration.target_views import TargetView, image_speeds, in_order, observations_of
 from panoptic_ros.errors import CalibrationError
+from panoptic_ros.geometry import Rigid
 
 Array = np.ndarray
 FIRST_NOISE_PX = 1.0  # px, noise of the pixels in the first round
@@ -32,6 +33,9 @@ LEAST_NOISE_PX = 0.01  # px
 MOST_ROUNDS, SETTLED = 12, 0.01  # rounds of noise and adjustment; relative change of the noise that ends them
 OUTLIER = 4.0  # standard deviations per axis; a Gaussian has 6e-5 beyond
 MEDIAN_SQUARE = 2.0 * np.log(2.0)  # median of a chi-squared variable with two degrees of freedom
+# px, noise of a camera beyond which its views contradict those of others. Mirrored images and second boards
+# give 3 to 130 px, webcams with random delays up to 2 px.
+CONTRADICTION_PX = 2.5
 MOVING_PX_S = 2.0  # px/s, median speed of a camera's points below which its clock is not estimated
 
 
@@ -41,7 +45,7 @@ class CalibratedRig:
 
     Args:
         inputs: Cameras, as given.
-        views: Views that were used; those of `seen` are sorted by instant, then camera.
+        views: Views that were used, sorted by instant, then camera, as those of `seen`.
         seen: Observations without outliers.
         state: All unknowns, in the frame of the first camera.
         covariance: (N, N) of the free unknowns of the cameras. index: (C, CAMERA) their rows, -1 = fixed.
@@ -60,6 +64,12 @@ class CalibratedRig:
     links: dict[tuple[int, int], int]
     outliers: Array
 
+    @property
+    def rejected(self) -> Array:
+        """Return whether most points of a view (V,) were left out."""
+        found = np.array([len(view.numbers) for view in self.views])
+        return 2 * np.diff(self.seen.starts) < found
+
     def sd(self, camera: int, unknowns: slice) -> Array:
         """Return the standard deviations of unknowns of a camera; 0 where they are fixed."""
         rows = self.index[camera, unknowns]
@@ -68,7 +78,11 @@ class CalibratedRig:
 
 
 def calibrate_rig(
-    cameras: Sequence[CameraInput], views: Sequence[TargetView], points: Array, clocks: bool = True
+    cameras: Sequence[CameraInput],
+    views: Sequence[TargetView],
+    points: Array,
+    clocks: bool = True,
+    turns: Sequence[Rigid] = (),
 ) -> CalibratedRig:
     """Return the calibration of cameras from views of a target with known points.
 
@@ -76,11 +90,32 @@ def calibrate_rig(
         views: Views of all cameras; instants are any integers.
         points: (N, 3) m, points of the target.
         clocks: Estimate a clock offset per camera and a time shift per view from the image velocity.
+        turns: Motions after which the target looks the same, see `Board.turns`.
 
     Raises:
         CalibrationError: if the views do not determine the calibration.
     """
-    start = start_rig(cameras, views, points)
+    try:
+        return _calibrated(cameras, views, points, clocks, turns)
+    except np.linalg.LinAlgError:
+        raise CalibrationError(
+            "the views of the board do not determine the cameras; show it in more places and tilts"
+        ) from None
+
+
+def _calibrated(
+    cameras: Sequence[CameraInput],
+    views: Sequence[TargetView],
+    points: Array,
+    clocks: bool,
+    turns: Sequence[Rigid],
+) -> CalibratedRig:
+    """Return the calibration, see `calibrate_rig`.
+
+    Raises:
+        LinAlgError: if an unknown is not observable.
+    """
+    start = start_rig(cameras, views, points, turns)
     noise = np.full(len(cameras), FIRST_NOISE_PX)
     seen = observations_of(start.views, points, noise)
     state = _settled(seen, start)
@@ -93,10 +128,14 @@ def calibrate_rig(
         if clocks:
             seen = seen._replace(twists=_twists(seen, _speeds(ordered, seen, state), state))
         state = adjust(seen, state, SCALE)
-        if clocks:
-            seen, state = _recentred(seen, _with_jitter(seen, state))
+        try:
+            if clocks:
+                seen, state = _recentred(seen, _with_jitter(seen, state))
+        except np.linalg.LinAlgError:
+            break
         if (np.abs(noise / before - 1.0) < SETTLED).all():
             break
+    _refuse_contradictions(cameras, _robust_noise(seen, state, len(cameras)))
     good = ((residuals_of(seen, state) ** 2) / seen.variances[:, None] < OUTLIER**2).all(axis=1)
     outliers = np.bincount(seen.cameras[seen.views][~good], minlength=len(cameras))
     seen = _kept(seen, good)
@@ -104,15 +143,25 @@ def calibrate_rig(
     noise = _plain_noise(seen, state, len(cameras))
     seen = seen._replace(variances=(noise**2)[seen.cameras[seen.views]])
     state = adjust(seen, state, PLAIN)
-    try:
-        covariance, index = covariance_of(seen, state)
-    except np.linalg.LinAlgError:
-        raise CalibrationError(
-            "the views of the board do not determine the cameras; show it in more places and tilts"
-        ) from None
+    covariance, index = covariance_of(seen, state)
     return CalibratedRig(
-        tuple(cameras), tuple(start.views), seen, state, covariance, index, noise, start.links, outliers
+        tuple(cameras), tuple(ordered), seen, state, covariance, index, noise, start.links, outliers
     )
+
+
+def _refuse_contradictions(cameras: Sequence[CameraInput], noise: Array) -> None:
+    """Refuse cameras whose views do not fit to those of the others, given the noise (C,) px of all cameras.
+
+    Raises:
+        CalibrationError: naming these cameras.
+    """
+    names = [f"{own.name} ({px:.0f} px)" for own, px in zip(cameras, noise) if px > CONTRADICTION_PX]
+    if names:
+        raise CalibrationError(
+            f"camera{'s' * (len(names) > 1)} {', '.join(names)}: views of the board contradict those of "
+            "other cameras; check that its driver does not mirror images, that only one board is shown, that "
+            "stamps are right, and --board"
+        )
 
 
 def _settled(seen: Observations, start: RigStart) -> Adjustment:

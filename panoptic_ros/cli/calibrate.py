@@ -17,8 +17,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     parser.add_argument(
         "folder",
-        metavar="FOLDER",
-        help="folder with one video or folder of images per camera; `print board` writes the board as PDF",
+        metavar="FOLDER|BAG",
+        help="folder with one video or folder of images per camera, or a bag with their images; "
+        "`print board` writes the board as PDF",
     )
     parser.add_argument("what", nargs="?", metavar="board", help=argparse.SUPPRESS)
     parser.add_argument(
@@ -75,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
         return 0
     if args.what is not None:
         raise UsageError(f"{args.what}: one folder is expected; options begin with --")
-    from panoptic_ros.running.calibration.calibrate import calibrate_folder
+    from panoptic_ros.running.calibration.calibrate import calibrate_recording
     from panoptic_ros.running.calibration.results import write_calibration
     from panoptic_ros.running.plans.rig_files import read_rig_at
     from panoptic_ros.view.calibration_report import quality_table
@@ -83,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
 
     known = read_rig_at(args.intrinsics) if args.intrinsics else None
     with PassBar("images") as bar:
-        found = calibrate_folder(
+        found = calibrate_recording(
             Path(args.folder),
             board,
             bar.show,

@@ -46,7 +46,7 @@ def expected(board, numbers):
 @pytest.mark.parametrize("text", SPECIFICATIONS)
 def test_a_print_is_detected_at_its_true_size(text):
     board = parse_board(text)
-    numbers, pixels, appearance = BoardDetector(board).detect(picture(board))
+    numbers, pixels, appearance, _ = BoardDetector(board).detect(picture(board))
     assert len(numbers) == len(board.points) and appearance == BoardAppearance(False, False)
     np.testing.assert_allclose(pixels, expected(board, numbers), atol=0.3)
 
@@ -58,7 +58,7 @@ def test_inverted_and_mirrored_prints_are_detected(inverted, mirrored):
     image = picture(board)
     seen = 255 - image if inverted else image
     seen = np.ascontiguousarray(seen[:, ::-1]) if mirrored else seen
-    numbers, pixels, appearance = BoardDetector(board).detect(seen)
+    numbers, pixels, appearance, _ = BoardDetector(board).detect(seen)
     assert appearance == BoardAppearance(inverted, mirrored)
     straight = expected(board, numbers)
     if mirrored:
@@ -73,7 +73,7 @@ def test_tags_turned_by_half_a_turn_keep_their_corners():
     for x, y in {tuple(np.round(p - [0, 0]).astype(int)) for p in expected(board, np.arange(0, 48, 4)) + 0.5}:
         tag = image[y : y + side, x : x + side]
         image[y : y + side, x : x + side] = tag[::-1, ::-1]
-    numbers, pixels, _ = BoardDetector(board).detect(image)
+    numbers, pixels, *_ = BoardDetector(board).detect(image)
     np.testing.assert_allclose(pixels, expected(board, numbers), atol=0.5)
 
 
@@ -93,7 +93,7 @@ def test_corners_of_a_checkerboard_keep_their_numbers_in_any_turn():
     first = None
     for turn in range(4):
         image = np.ascontiguousarray(np.rot90(picture(board), turn))
-        _, pixels, _ = BoardDetector(board).detect(image)
+        _, pixels, *_ = BoardDetector(board).detect(image)
         for _ in range(turn):  # back to the picture
             pixels = np.stack([image.shape[0] - 1 - pixels[:, 1], pixels[:, 0]], axis=1)
             image = image.T
@@ -128,6 +128,20 @@ def test_wrong_specifications_are_named(text, message):
         parse_board(text)
 
 
-def test_boards_of_two_numberings_are_known():
-    assert Board("checkerboard", 8, 6, 0.03).symmetric
-    assert not Board("checkerboard", 8, 5, 0.03).symmetric
+@pytest.mark.parametrize("columns, rows, turns", [(8, 6, 1), (7, 7, 3), (8, 5, 0)])
+def test_turns_move_a_board_onto_itself(columns, rows, turns):
+    board = Board("checkerboard", columns, rows, 0.03)
+    assert len(board.turns) == turns
+    for turn in board.turns:
+        apart = np.linalg.norm(turn.apply(board.points)[:, None] - board.points[None], axis=2)
+        np.testing.assert_allclose(apart.min(axis=1), 0.0, atol=1e-12)
+        assert apart[0].argmin() != 0
+    assert not Board("charuco", 8, 8, 0.03, 0.02, "DICT_4X4_50").turns
+
+
+def test_two_identical_boards_in_an_image_are_seen():
+    board = parse_board("charuco:5x7:40mm")
+    one = picture(board)
+    found = BoardDetector(board).detect(np.concatenate([one, one], axis=1))
+    assert found.repeated > 10 and len(found.numbers) == 0
+    assert BoardDetector(board).detect(one).repeated == 0

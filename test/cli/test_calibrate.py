@@ -1,6 +1,7 @@
 """`panoptic calibrate`: from images of a board to a rig with its report, and boards to print."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import cv2
@@ -9,12 +10,15 @@ import pytest
 
 from panoptic_ros.calibration.boards import parse_board
 from panoptic_ros.cli.main import main
-from panoptic_ros.domain import Rig
+from panoptic_ros.domain import Rig, ViewFrame
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.geometry.rotations import rotations_of
+from panoptic_ros.io.bags import BagWriter
 from panoptic_ros.io.clock_files import read_clocks
+from panoptic_ros.io.messages import bag_messages, to_message
+from panoptic_ros.io.messages.images import compressed_image_message, image_message
 from panoptic_ros.io.rigs import read_rig, write_rig
-from test.support.board_images import board_poses, small_rig, write_session
+from test.support.board_images import artwork, board_poses, photograph, small_rig, write_session
 
 BOARD = "charuco:5x4:60mm"
 IMAGES = 24
@@ -47,6 +51,44 @@ def test_images_of_a_board_give_a_rig_with_its_report(session, tmp_path, capsys)
     page = (tmp_path / "o" / "report.html").read_text()
     assert all(name in page and (tmp_path / "o" / f"{name}.png").exists() for name in truth.names)
     assert not (tmp_path / "o" / "clocks.json").exists()  # no clock is estimated with --synchronous
+
+
+def bag_of(path, folder, topic, kind, damaged=0):
+    """A bag with the images of a folder at 10 Hz."""
+    with BagWriter(path) as bag:
+        for camera in sorted(place for place in folder.iterdir() if place.is_dir()):
+            for n, file in enumerate(sorted(camera.iterdir())):
+                frame = ViewFrame(camera.name, 10**9 + n * 10**8, n, cv2.imread(str(file)))
+                if kind == "raw":
+                    message = image_message(frame, bag_messages())
+                else:
+                    message = compressed_image_message(frame, bag_messages(), 95)
+                    if n < damaged:
+                        message.data = message.data[:40]
+                bag.write(topic.format(camera.name), frame.stamp_ns, message)
+    return path
+
+
+@pytest.mark.parametrize(
+    "topic, kind", [("/{}/color/image_raw", "raw"), ("/lab/{}/image_raw/compressed", "compressed")]
+)
+def test_images_in_a_bag_give_the_rig_of_the_folder(session, tmp_path, capsys, topic, kind):
+    folder, truth = session
+    bag = bag_of(tmp_path / "bag", folder, topic, kind, damaged=2)
+    options = ["--board", BOARD, "--synchronous", "--out", str(tmp_path / "o")]
+    assert main(["calibrate", str(bag), *options]) == 0
+    found = read_rig(tmp_path / "o" / "rig.json")
+    assert found.names == truth.names
+    np.testing.assert_allclose(distances(found), distances(truth), atol=0.02)
+    damaged = "camera cam0: 2 messages without a usable image were left out" in capsys.readouterr().err
+    assert damaged == (kind == "compressed")
+
+
+def test_a_bag_without_images_is_named(tmp_path, capsys):
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.write("/rig", 0, to_message(small_rig(), bag_messages()))
+    said = refused(capsys, tmp_path / "bag", "--board", BOARD, "--out", tmp_path / "o")
+    assert "has no images; there are /rig" in said
 
 
 def test_clocks_of_cameras_are_written(tmp_path, capsys):
@@ -102,8 +144,6 @@ def test_wrong_input_is_named_in_one_line(session, tmp_path, capsys):
     (tmp_path / "empty").mkdir()
     assert "has no videos" in refused(capsys, tmp_path / "empty", "--board", BOARD, "--out", out)
     assert "is not understood" in refused(capsys, folder, "--board", "charuco", "--out", out)
-    said = refused(capsys, folder, "--board", "checkerboard:8x6:25mm", "--out", out)
-    assert "a checkerboard of 8 x 6 inner corners looks the same after half a turn" in said
     said = refused(capsys, folder, "--board", "charuco:8x9:60mm:DICT_7X7_250", "--out", out)
     assert "images shows the board charuco 8x9 with markers DICT_7X7_250; check --board" in said
     said = refused(capsys, folder, "--board", BOARD, "--floor", "9", "--synchronous", "--out", out)
@@ -136,6 +176,63 @@ def test_a_board_without_tilt_is_refused(tmp_path, capsys):
     err = capsys.readouterr().err
     assert code == 2 and "the recording does not determine the cameras" in err and "tilt the board" in err
     assert not (tmp_path / "o").exists()
+
+
+def test_a_camera_that_mirrors_its_images_is_named(session, tmp_path, capsys):
+    folder, _ = session
+    copied = tmp_path / "s"
+    shutil.copytree(folder, copied)
+    for file in (copied / "cam1").iterdir():
+        cv2.imwrite(str(file), np.ascontiguousarray(cv2.imread(str(file))[:, ::-1]))
+    said = refused(capsys, copied, "--board", BOARD, "--synchronous", "--out", tmp_path / "o")
+    assert "camera cam1 (" in said and "views of the board contradict those of other cameras" in said
+    assert "does not mirror images" in said and "cam0" not in said and "cam2" not in said
+    for name in ("cam0", "cam2"):
+        for file in (copied / name).iterdir():
+            cv2.imwrite(str(file), np.ascontiguousarray(cv2.imread(str(file))[:, ::-1]))
+    said = refused(capsys, copied, "--board", BOARD, "--synchronous", "--out", tmp_path / "o")
+    assert "all images show the board mirrored" in said and not (tmp_path / "o").exists()
+
+
+def test_a_stretched_print_is_refused_or_reported(tmp_path, capsys):
+    poses = board_poses(2 * IMAGES)
+    for stretch, folder in ((0.01, "bad"), (0.0, "good")):
+        scale = (1.0 - 0.5 * stretch, 1.0 + 0.5 * stretch)
+        write_session(tmp_path / folder, parse_board(BOARD), poses, small_rig(2), scale)
+    options = ["--board", BOARD, "--synchronous", "--out"]
+    said = refused(capsys, tmp_path / "bad", *options, tmp_path / "o")
+    assert "too high" in said and "print it again at 100 %" in said
+    assert main(["calibrate", str(tmp_path / "good"), *options, str(tmp_path / "o")]) == 0
+    assert "the print" not in capsys.readouterr().err
+
+
+def test_two_identical_boards_are_refused(tmp_path, capsys):
+    board, rig = parse_board(BOARD), small_rig(2)
+    near = [Rigid(pose.rotation, pose.translation + [-0.3, 0.0, 0.9]) for pose in board_poses(8)]
+    far = [Rigid(pose.rotation, pose.translation + [0.3, 0.0, 0.9]) for pose in board_poses(8, 1)]
+    write_session(tmp_path / "s", board, near, rig)
+    printed = artwork(board)
+    for camera in rig.cameras:
+        for n, pose in enumerate(far):
+            file = str(tmp_path / "s" / camera.name / f"{n:04d}.png")
+            image, own = cv2.imread(file, 0), photograph(camera, board, pose, printed)
+            cv2.imwrite(file, np.where(own == 128, image, own))
+    said = refused(capsys, tmp_path / "s", "--board", BOARD, "--out", tmp_path / "o")
+    assert "images show two boards with the same markers; cover one" in said
+
+
+def test_images_of_another_size_are_named(session, tmp_path, capsys):
+    folder, truth = session
+    copied = tmp_path / "s"
+    shutil.copytree(folder, copied)
+    file = sorted((copied / "cam1").iterdir())[3]
+    cv2.imwrite(str(file), np.zeros((240, 320), np.uint8))
+    said = refused(capsys, copied, "--board", BOARD, "--synchronous", "--out", tmp_path / "o")
+    assert "cam1" in said and "320" in said and "640" in said
+    small = Rig(tuple(replace(camera, image_size=(1280, 960)) for camera in truth.cameras))
+    write_rig(tmp_path / "known.json", small)
+    options = ["--board", BOARD, "--intrinsics", tmp_path / "known.json", "--out", tmp_path / "o"]
+    assert "give intrinsics for this size" in refused(capsys, folder, *options)
 
 
 def test_a_board_is_printed_to_scale(tmp_path, capsys):

@@ -1,4 +1,4 @@
-"""Calibrate the cameras of a folder with a board, and write the rig, its clocks and the report."""
+"""Calibrate the cameras of a recording with a board, and write the rig, its clocks and the report."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from panoptic_ros.calibration.projection import LENS, POSE
 from panoptic_ros.calibration.quality import Quality, doubts, quality_of, refusals
 from panoptic_ros.calibration.rig_start import CameraInput
 from panoptic_ros.calibration.solve import CalibratedRig, calibrate_rig
+from panoptic_ros.calibration.stretch import jackknife_sd, stretch_of
 from panoptic_ros.calibration.world import floor_from_images, floor_from_target, rig_in_world
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.domain.camera import POSE_AND_MATRIX
@@ -23,6 +24,8 @@ from panoptic_ros.stage import Progress
 Array = np.ndarray
 # standard deviations of given intrinsics whose file states no covariance: relative, px, without unit
 KNOWN_FOCAL, KNOWN_CENTRE_PX, KNOWN_TERM = 0.01, 5.0, 0.05
+CERTAIN = 3.0  # standard deviations of a stretch of the print that is certain
+GOOD_STRETCH, REFUSED_STRETCH = 2e-3, 5e-3  # relative; 1 % triples errors, 0.3 % adds a third
 MODELS = {
     "brown": LensModel(),
     "rational": LensModel(terms=8),
@@ -51,8 +54,8 @@ class BoardCalibration:
     notices: tuple[str, ...]
 
 
-def calibrate_folder(
-    folder: Path,
+def calibrate_recording(
+    path: Path,
     board: Board,
     progress: Progress,
     *,
@@ -61,7 +64,7 @@ def calibrate_folder(
     floor_s: float | None = None,
     synchronous: bool = False,
 ) -> BoardCalibration:
-    """Return the calibration of the cameras of a folder.
+    """Return the calibration of the cameras of a folder or bag.
 
     Args:
         lens: A name of `MODELS`, for cameras whose intrinsics are not known.
@@ -72,13 +75,7 @@ def calibrate_folder(
     Raises:
         UserError: if the recording does not give a calibration.
     """
-    if board.symmetric:
-        raise UsageError(
-            f"a checkerboard of {board.columns} x {board.rows} inner corners looks the same after half a "
-            "turn, so cameras disagree on its corners; use one with an odd and an even number, or a "
-            "ChArUco board"
-        )
-    recording = read_board_views(folder, board, progress)
+    recording = read_board_views(path, board, progress)
     seen = sorted({view.camera for view in recording.views})
     blind = [name for c, name in enumerate(recording.names) if c not in seen]
     if blind:
@@ -88,16 +85,27 @@ def calibrate_folder(
             f"camera{'s' * more} away"
         )
     inputs = [_input(name, size, MODELS[lens], known) for name, size in zip(recording.names, recording.sizes)]
-    solved = calibrate_rig(inputs, recording.views, board.points, clocks=not synchronous)
+    _check_mirrors(recording)
+    solved = calibrate_rig(inputs, recording.views, board.points, clocks=not synchronous, turns=board.turns)
     quality = quality_of(solved)
     if reasons := refusals(quality):
         raise CalibrationError(f"the recording does not determine the cameras: {'; '.join(reasons)}")
+    stretch, sd = stretch_of(solved)
+    stretched = abs(stretch) > max(GOOD_STRETCH, CERTAIN * sd)
+    stretched = stretched and abs(stretch) > CERTAIN * jackknife_sd(solved)
+    if stretched and abs(stretch) > REFUSED_STRETCH:
+        raise CalibrationError(
+            f"{_stretched(stretch)}; print it again at 100 %, without fitting it to the page"
+        )
     notices = list(recording.notices)
+    if stretched:
+        notices.append(f"{_stretched(stretch)}; measure both sides, and print it again at 100 %")
     if floor_s is None:
         world = floor_from_images(solved)
         notices.append(
             "up is the mean of the images' up directions and z = 0 is the lowest point of the board; for a "
-            "real floor, lay the board on it and give the time with --floor SECONDS"
+            "real floor, lay the board on it and give the time with --floor SECONDS, or mark its points for "
+            "`panoptic rig convert --floor-points`"
         )
     else:
         world = floor_from_target(solved, _nearest_target(solved, floor_s))
@@ -110,6 +118,24 @@ def calibrate_folder(
         tuple(doubts(quality)),
         tuple(notices),
     )
+
+
+def _check_mirrors(recording: BoardRecording) -> None:
+    """Refuse cameras that mirror their images; the back of a two-sided board shows in some cameras only.
+
+    Raises:
+        CalibrationError: if no view shows the board unmirrored.
+    """
+    if sum(recording.mirrored) == len(recording.views):
+        raise CalibrationError(
+            "all images show the board mirrored; switch mirroring off in the cameras' drivers, or print the "
+            "board unmirrored"
+        )
+
+
+def _stretched(stretch: float) -> str:
+    longer = "wide" if stretch > 0.0 else "high"
+    return f"the print of the board is {abs(stretch):.2%} too {longer}"
 
 
 def _input(name: str, size: tuple[int, int], model: LensModel, known: Rig | None) -> CameraInput:

@@ -1,8 +1,8 @@
-"""Find the board in the images of a folder without calibration."""
+"""Find the board in the images of a recording without calibration."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,14 +13,9 @@ from panoptic_ros.calibration.board_detector import APPEARANCES, BoardAppearance
 from panoptic_ros.calibration.boards import Board, parse_board
 from panoptic_ros.calibration.instants import instants_of
 from panoptic_ros.calibration.target_views import TargetView
-from panoptic_ros.capture.folder import folder_stamps, open_files
-from panoptic_ros.capture.image_folder import ImageFolderSource
-from panoptic_ros.capture.layout import cameras_of
-from panoptic_ros.capture.video import VideoSource
-from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.errors import CalibrationError
-from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.io.board_files import read_board
+from panoptic_ros.running.calibration.recorded_images import open_images
 from panoptic_ros.stage import Progress
 
 Array = np.ndarray
@@ -36,6 +31,7 @@ class BoardRecording:
         views: All views of the board; stamps in s since `start_ns`.
         start_ns: Stamp of the first image.
         images: Number of images that were searched, by camera.
+        mirrored: Number of views that show a mirrored board, by camera.
         pictures: By camera, the view with most corners: its index in `views`, and its image (H, W) uint8.
         notices: Lines about the recording.
     """
@@ -45,6 +41,7 @@ class BoardRecording:
     views: tuple[TargetView, ...]
     start_ns: int
     images: tuple[int, ...]
+    mirrored: tuple[int, ...]
     pictures: Mapping[int, tuple[int, Array]]
     notices: tuple[str, ...]
 
@@ -58,30 +55,27 @@ def board_of(text: str) -> Board:
     return read_board(Path(text)) if Path(text).is_file() else parse_board(text)
 
 
-def read_board_views(
-    folder: Path, board: Board, progress: Progress, most: int = MOST_IMAGES
-) -> BoardRecording:
-    """Search the board in all images of a folder with one video or folder of images per camera.
+def read_board_views(path: Path, board: Board, progress: Progress, most: int = MOST_IMAGES) -> BoardRecording:
+    """Search the board in all images of a recording, see `open_images`.
 
     Args:
         most: Greatest number of images per camera; evenly spaced ones are used.
 
     Raises:
-        DataError: if the folder has no images.
+        DataError: if the recording has no images.
         CalibrationError: if fewer than two cameras see the board.
     """
-    files = cameras_of(folder)
-    rig = _unknown_rig(files)
-    stamps, times = folder_stamps(folder, files, rig.names)
     views: list[TargetView] = []
     every: list[int] = []
     pictures: dict[int, tuple[int, Array]] = {}
     tried = APPEARANCES
     done = 0
-    with open_files(rig, files, stamps=stamps, times=times) as capture:
-        total = capture.frame_count
-        counts = [0] * len(rig)
-        for c, source in enumerate(capture.sources):
+    with open_images(path) as recorded:
+        names = tuple(source.camera for source in recorded.sources)
+        sizes = tuple(source.image_size for source in recorded.sources)
+        total = sum(source.frame_count or 0 for source in recorded.sources)
+        counts, mirrored, twice = ([0] * len(names) for _ in range(3))
+        for c, source in enumerate(recorded.sources):
             detector = BoardDetector(board, tried)
             step = max(1, -(-(source.frame_count or 0) // most))
             found_as: set[BoardAppearance] = set()
@@ -95,18 +89,21 @@ def read_board_views(
                 found = detector.detect(grey)
                 if found is None:
                     continue
-                numbers, pixels, appearance = found
-                found_as.add(appearance)
-                views.append(TargetView(c, 0, 0.0, numbers, pixels))
+                if found.repeated:
+                    twice[c] += 1
+                    continue
+                found_as.add(found.appearance)
+                mirrored[c] += found.appearance.mirrored
+                views.append(TargetView(c, 0, 0.0, found.numbers, found.pixels))
                 every.append(frame.stamp_ns)
-                if c not in pictures or len(numbers) > len(views[pictures[c][0]].numbers):
+                if c not in pictures or len(found.numbers) > len(views[pictures[c][0]].numbers):
                     pictures[c] = (len(views) - 1, grey)
             if found_as:  # all cameras see the same print
                 prints = {own.inverted for own in found_as}
                 tried = tuple(own for own in tried if own.inverted in prints)
-        notices = capture.notices
+        notices = [*recorded.notices, *_two_boards(names, twice, views)]
     if not every:
-        raise CalibrationError(_nothing(folder, board, sum(counts)))
+        raise CalibrationError(_nothing(path, board, sum(counts)))
     start = min(every)
     seconds = np.array([(stamp - start) * 1e-9 for stamp in every])
     instants = instants_of(np.array([view.camera for view in views]), seconds)
@@ -114,27 +111,34 @@ def read_board_views(
         TargetView(view.camera, int(instant), float(second), view.numbers, view.pixels)
         for view, instant, second in zip(views, instants, seconds)
     )
-    sizes = tuple(camera.image_size for camera in capture.rig.cameras)
-    return BoardRecording(rig.names, sizes, placed, start, tuple(counts), pictures, tuple(notices))
-
-
-def _nothing(folder: Path, board: Board, images: int) -> str:
-    size = f"{board.columns}x{board.rows}"
-    return (
-        f"{folder}: none of {images} images shows the board {board.kind} {size}"
-        + (f" with markers {board.dictionary}" if board.dictionary else "")
-        + "; check --board: its kind, its number of columns and rows, its markers"
+    return BoardRecording(
+        names, sizes, placed, start, tuple(counts), tuple(mirrored), pictures, tuple(notices)
     )
 
 
-def _unknown_rig(files: Mapping[str, Path]) -> Rig:
-    """Return a rig with the names and image sizes of the files; its lenses and poses mean nothing."""
-    cameras = []
-    for name, path in files.items():
-        open_source = ImageFolderSource if path.is_dir() else VideoSource
-        with open_source(name, path) as source:
-            size = source.image_size
-        focal = float(max(size))
-        matrix = np.array([[focal, 0.0, 0.5 * size[0]], [0.0, focal, 0.5 * size[1]], [0.0, 0.0, 1.0]])
-        cameras.append(Camera(name, size, Intrinsics(matrix, np.zeros(5)), Rigid.identity()))
-    return Rig(tuple(cameras))
+def _two_boards(names: Sequence[str], twice: Sequence[int], views: Sequence[TargetView]) -> list[str]:
+    """Return lines about images that were left out because they show two identical boards.
+
+    Raises:
+        CalibrationError: if these are most of a camera's images of the board.
+    """
+    lines = []
+    for c, (name, count) in enumerate(zip(names, twice)):
+        used = sum(view.camera == c for view in views)
+        if count > used:
+            raise CalibrationError(
+                f"camera {name}: {count} images show two boards with the same markers; cover one, or "
+                "print one with other markers"
+            )
+        if count:
+            lines.append(f"camera {name}: {count} images with two identical boards were left out")
+    return lines
+
+
+def _nothing(path: Path, board: Board, images: int) -> str:
+    size = f"{board.columns}x{board.rows}"
+    return (
+        f"{path}: none of {images} images shows the board {board.kind} {size}"
+        + (f" with markers {board.dictionary}" if board.dictionary else "")
+        + "; check --board: its kind, its number of columns and rows, its markers"
+    )

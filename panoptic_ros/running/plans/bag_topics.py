@@ -78,6 +78,44 @@ def image_streams(
     )
 
 
+def camera_image_streams(bag: BagReader) -> tuple[BagStream, ...]:
+    """Return one stream of images for each camera of a bag without calibration, sorted by camera.
+
+    The name of a camera is the last word of its namespace that differs between cameras. Topics
+    /cam_1/color/image_raw and /cam_2/color/image_raw belong to cam_1 and cam_2. Raw images are preferred to
+    compressed ones.
+
+    Raises:
+        DataError: if the bag has no images, or two topics belong to one camera.
+    """
+    found: dict[tuple[str, ...], BagStream] = {}
+    for key in reversed(KEYS[1:]):
+        for _, topic in _topics_of([bag], TOPICS[key].message):
+            words = [word for word in topic.split("/") if word]
+            words = words[:-1] if words[-1] == "compressed" else words
+            space = tuple(words[:-1] or words)
+            if "depth" not in topic and "disparity" not in topic:
+                found[space] = BagStream(bag.path, topic, space[-1], key)
+    if not found:
+        there = ", ".join(sorted(bag.topics)) or "no topics"
+        raise DataError(f"{bag.path} has no images; there are {there}")
+    shared = 0
+    while (
+        len(found) > 1 and len({space[len(space) - 1 - shared : len(space) - shared] for space in found}) == 1
+    ):
+        shared += 1
+    named: dict[str, BagStream] = {}
+    for space, stream in sorted(found.items()):
+        name = (space[: len(space) - shared] or space)[-1]
+        if name in named:
+            raise DataError(
+                f"{bag.path}: topics {named[name].topic} and {stream.topic} belong to one camera {name}; "
+                "record one of them"
+            )
+        named[name] = replace(stream, camera=name)
+    return tuple(named.values())
+
+
 def usable_streams(
     streams: Sequence[BagStream], bags: Sequence[BagReader], choice: BagChoice
 ) -> tuple[tuple[BagStream, ...], dict[str, str]]:
