@@ -122,7 +122,6 @@ _OF_PARAMETERS: tuple[Mechanism, ...] = (
     ),
     _assembly("starts", "a joint is begun from many pairs of views", max_pairs=1),
     _assembly("foreign-joints", "joints are taken from other 2D people of the view", foreign_penalty=100.0),
-    _assembly("agreed-share", "views agree on half of a person's joints", min_agreed_share=0.0),
     _assembly("map-votes", "joints go to the soft votes of the maps", True, vote_distance=0.0),
     _assembly("lost-people", "people who are in score maps only are added", True, lost_people=False),
     _assembly(
