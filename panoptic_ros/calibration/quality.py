@@ -188,41 +188,41 @@ def _rigid_motions(points: Array) -> Array:
     return np.stack(columns, axis=1)
 
 
-def doubts(quality: Quality) -> list[str]:
+def doubts(quality: Quality, target: str = "board") -> list[str]:
     """Return one line per limit of a good calibration that is exceeded, with the remedy."""
     lines = []
     if quality.error_m > GOOD_ERROR_M:
         lines.append(
             f"positions are predicted to be wrong by {1e3 * quality.error_m:.1f} mm, more than "
-            f"{1e3 * GOOD_ERROR_M:g} mm; show the board in more places, near each camera too"
+            f"{1e3 * GOOD_ERROR_M:g} mm; show the {target} in more places, near each camera too"
         )
     for camera in quality.cameras:
         where = f"camera {camera.name}: "
         if camera.views < GOOD_VIEWS:
-            lines.append(f"{where}{camera.views} images show the board; give at least {GOOD_VIEWS}")
+            lines.append(f"{where}{camera.views} images show the {target}; give at least {GOOD_VIEWS}")
         if camera.coverage < GOOD_COVERAGE:
             lines.append(
-                f"{where}the board was shown in {camera.coverage:.0%} of the image; move it to the edges"
+                f"{where}the {target} was shown in {camera.coverage:.0%} of the image; move it to the edges"
             )
         if camera.focal_sd > GOOD_FOCAL:
             lines.append(
-                f"{where}the focal length is known to {camera.focal_sd:.1%} only; tilt the board by 30 to 60 "
-                "degrees and show it near the camera"
+                f"{where}the focal length is known to {camera.focal_sd:.1%} only; tilt the {target} by 30 to "
+                "60 degrees and show it near the camera"
             )
         if camera.centre_sd_px > GOOD_CENTRE_PX:
             lines.append(
-                f"{where}the principal point is known to {camera.centre_sd_px:.0f} px only; turn the board "
-                "about its normal and show it at all edges"
+                f"{where}the principal point is known to {camera.centre_sd_px:.0f} px only; turn the "
+                f"{target} about its normal and show it at all edges"
             )
         if camera.noise_px > GOOD_NOISE_PX:
             lines.append(
-                f"{where}the residual is {camera.noise_px:.2f} px; check focus, motion blur and flatness of "
-                "the board"
+                f"{where}the residual is {camera.noise_px:.2f} px; check focus, motion blur and the shape of "
+                f"the {target}"
             )
         if camera.rejected > MOST_REJECTED * camera.views:
             lines.append(
                 f"{where}{camera.rejected} of {camera.views + camera.rejected} images contradict the others "
-                "and were left out; check for a second board, a wrong grid, or wrong stamps"
+                f"and were left out; check for a second {target}, wrong points, or wrong stamps"
             )
         lines += _clock_doubts(camera, where)
     return lines
@@ -238,7 +238,7 @@ def _clock_doubts(camera: CameraQuality, where: str) -> list[str]:
     ]
 
 
-def refusals(quality: Quality) -> list[str]:
+def refusals(quality: Quality, target: str = "board") -> list[str]:
     """Return the reasons for which a calibration is not usable: limits that are exceeded several times."""
     lines = []
     if quality.error_m > REFUSED * GOOD_ERROR_M:
@@ -247,6 +247,6 @@ def refusals(quality: Quality) -> list[str]:
         if camera.focal_sd > REFUSED * GOOD_FOCAL:
             lines.append(
                 f"camera {camera.name}: the focal length is known to {camera.focal_sd:.0%} only; tilt the "
-                "board"
+                f"{target}"
             )
     return lines

@@ -36,6 +36,7 @@ MEDIAN_SQUARE = 2.0 * np.log(2.0)  # median of a chi-squared variable with two d
 # px, noise of a camera beyond which its views contradict those of others. Mirrored images and second boards
 # give 3 to 130 px, webcams with random delays up to 2 px.
 CONTRADICTION_PX = 2.5
+SEPARATE = 0.7  # share of free residuals from which the noise of each camera is estimated by itself
 MOVING_PX_S = 2.0  # px/s, median speed of a camera's points below which its clock is not estimated
 
 
@@ -256,18 +257,27 @@ def _freedom(seen: Observations, state: Adjustment) -> float:
 
 def _robust_noise(seen: Observations, state: Adjustment, cameras: int) -> Array:
     """Return the noise (C,) px per axis from the median of the squared residuals of each camera."""
-    squares, own = (residuals_of(seen, state) ** 2).sum(axis=1), seen.cameras[seen.views]
-    medians = np.array([np.median(squares[own == c]) for c in range(cameras)])
+    medians = np.array([np.median(own) for own in _squares(seen, state, cameras)])
     noise: Array = np.maximum(np.sqrt(medians / (MEDIAN_SQUARE * _freedom(seen, state))), LEAST_NOISE_PX)
     return noise
 
 
 def _plain_noise(seen: Observations, state: Adjustment, cameras: int) -> Array:
     """Return the noise (C,) px per axis from the mean of the squared residuals of each camera."""
-    squares, own = (residuals_of(seen, state) ** 2).sum(axis=1), seen.cameras[seen.views]
-    means = np.array([squares[own == c].mean() for c in range(cameras)])
+    means = np.array([own.mean() for own in _squares(seen, state, cameras)])
     noise: Array = np.maximum(np.sqrt(0.5 * means / _freedom(seen, state)), LEAST_NOISE_PX)
     return noise
+
+
+def _squares(seen: Observations, state: Adjustment, cameras: int) -> list[Array]:
+    """Return the squared residuals, px^2, of each camera, or those of all cameras for each of them.
+
+    Targets of few points follow the camera with the least noise, whose residuals would then vanish.
+    """
+    squares, own = (residuals_of(seen, state) ** 2).sum(axis=1), seen.cameras[seen.views]
+    if _freedom(seen, state) < SEPARATE:
+        return [squares] * cameras
+    return [squares[own == c] for c in range(cameras)]
 
 
 def _kept(seen: Observations, good: Array) -> Observations:

@@ -196,7 +196,7 @@ def _targets(
         reversed_views = {own[0]: False}
         markers[0, :, views[own[0]].camera] = plane[own[0]]
         for k in own[1:]:
-            reversed_views[k] = _reversed(plane[k], views[k].camera, markers, poses)
+            reversed_views[k] = _reversed(plane[k], views[k].camera, markers, poses, points)
             markers[0, :, views[k].camera] = plane[k][::-1] if reversed_views[k] else plane[k]
         placed = _triangulated(poses, markers)[0]
         if not np.isfinite(placed).all():
@@ -219,17 +219,25 @@ def _symmetric(points: Array) -> bool:
     return bool(np.allclose(apart, apart[::-1, ::-1], rtol=0.05))
 
 
-def _reversed(own: Array, camera: int, markers: Array, poses: Sequence[Rigid]) -> bool:
-    """Return whether the markers (N, 2) of a view agree better with other views in reversed order."""
+def _reversed(own: Array, camera: int, markers: Array, poses: Sequence[Rigid], points: Array) -> bool:
+    """Return whether the markers (N, 2) of a view agree better with other views in reversed order.
+
+    The markers are placed as on the wand: without its length, both orders may agree with one other view.
+    """
     losses = []
     for turned in (own, own[::-1]):
         tried = markers.copy()
         tried[0, :, camera] = turned
         placed = _triangulated(poses, tried)[0]
+        if not np.isfinite(placed).all():
+            losses.append(np.inf)
+            continue
+        forward, backward = _fitted(points, placed), _fitted(points[::-1], placed)
+        placed = forward[0].apply(points) if forward[1] <= backward[1] else backward[0].apply(points[::-1])
         loss = 0.0
-        for c, pose in enumerate(poses):
+        for c, own_pose in enumerate(poses):
             if np.isfinite(tried[0, 0, c, 0]):
-                seen = pose.apply(placed)
+                seen = own_pose.apply(placed)
                 loss += float(np.square(seen[:, :2] / seen[:, 2:] - tried[0, :, c]).sum())
         losses.append(loss)
     return losses[1] < losses[0]

@@ -16,12 +16,16 @@ from panoptic_ros.errors import UsageError, shown
 Array = np.ndarray
 FEWEST, MOST = 2, 4  # markers
 SPECIFICATION = re.compile(r"wand:(?P<markers>[-0-9.,/]+)(?P<unit>[a-z]+)")
-EXAMPLES = "wand:500mm (two markers), wand:0/150/500mm (three on a stick), wand:0,0/250,0/500,0/250,-200mm (x,y)"
+EXAMPLES = (
+    "wand:500mm (two markers), wand:0/150/500mm (three on a stick), wand:0,0/150,0/500,0/150,-200mm (x,y)"
+)
 SHORTEST_M = 0.02  # m, least distance of two markers
 BRIGHT = 200  # grey value of markers, which glow or reflect
 AREA_PX = (2, 4000)  # px^2, of a marker
 FULLEST = 0.4  # least share of its box that a round marker fills
 LONGEST = 3.0  # greatest ratio of the sides of that box
+STRAIGHT = 1e-3  # extent of markers across a line over that along it, below which they are on the line
+ALIKE = 0.03  # miss of another order of the markers over the size of the wand, below which it is ambiguous
 STILL_PX = 3.0  # px, distance between images within which a bright spot stays in place
 STILL_SHARE = 0.3  # share of the images in which a lamp is at one place
 
@@ -45,16 +49,18 @@ class Wand:
         apart = np.linalg.norm(self.points[:, None] - self.points[None], axis=2)
         if apart[np.triu_indices(len(apart), 1)].min() < SHORTEST_M:
             raise UsageError(f"two markers of the wand are closer than {1e3 * SHORTEST_M:g} mm")
+        flat = self.points[:, :2]
+        orders, misses = _misses(flat, flat)
+        alike = [orders[k] for k in np.flatnonzero(misses < ALIKE * apart.max())]
+        if any(order not in (sorted(order), sorted(order)[::-1]) for order in alike):
+            raise UsageError(
+                "the wand looks the same from both sides or with exchanged markers; move one off centre"
+            )
 
     @property
     def points(self) -> Array:
         """Return the markers (N, 3) m, in the plane z = 0."""
         return np.array([(x, y, 0.0) for x, y in self.markers])
-
-    @property
-    def name(self) -> str:
-        """Return the kind of the target."""
-        return "wand"
 
 
 def parse_wand(text: str) -> Wand:
@@ -92,7 +98,8 @@ def bright_spots(image: Array) -> Array:
             continue
         rows, columns = slice(max(y - 1, 0), y + height + 1), slice(max(x - 1, 0), x + width + 1)
         foreign = (labels[rows, columns] != k) & (labels[rows, columns] != 0)
-        weight = np.where(foreign, 0.0, image[rows, columns].astype(np.float64))  # the dim rim refines the centre
+        bright = image[rows, columns].astype(np.float64)  # the dim rim refines the centre
+        weight = np.where(foreign, 0.0, bright - bright.min())
         down, across = np.mgrid[rows, columns]
         total = weight.sum()
         spots.append(((weight * across).sum() / total, (weight * down).sum() / total))
@@ -114,16 +121,20 @@ def without_lamps(spots: Sequence[Array]) -> list[Array]:
 def in_wand_order(wand: Wand, spots: Array) -> Array:
     """Return spots (N, 2) px in the order of the N markers.
 
-    Of all orders, an affine map from the wand to the image fits best in the right one. The order of a wand that
-    looks the same from both ends is open.
+    An affine map from the wand to the image fits the right order best. The order of a wand that looks the
+    same from both ends is open.
     """
-    points = wand.points[:, :2]
-    across = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
-    flat = np.column_stack([np.ones(len(points)), points])
-    if across[1][-1] < 1e-6:  # all markers on a line
-        flat = np.column_stack([np.ones(len(points)), points @ across[2][0]])
-    fitted = flat @ np.linalg.pinv(flat)
-    orders = [list(order) for order in permutations(range(len(points)))]
-    misses = [np.square(spots[order] - fitted @ spots[order]).sum() for order in orders]
+    orders, misses = _misses(wand.points[:, :2], spots)
     chosen: Array = spots[orders[int(np.argmin(misses))]]
     return chosen
+
+
+def _misses(points: Array, spots: Array) -> tuple[list[list[int]], Array]:
+    """Return all orders of spots (N, 2), and the misses of the best affine maps of points (N, 2) to them."""
+    _, extents, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    straight = extents[-1] < STRAIGHT * extents[0]
+    along = (points @ axes[0])[:, None] if straight else points
+    flat = np.column_stack([np.ones(len(points)), along])
+    rest = np.eye(len(points)) - flat @ np.linalg.pinv(flat)
+    orders = [list(order) for order in permutations(range(len(points)))]
+    return orders, np.array([np.linalg.norm(rest @ spots[order]) for order in orders])

@@ -5,10 +5,15 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from panoptic_ros.errors import UsageError
 from panoptic_ros.running.arguments import output_file, output_folder, within
 
+if TYPE_CHECKING:
+    from panoptic_ros.running.calibration.calibrate import BoardCalibration
+
+WAND = "wand:"  # begin of the specification of a wand
 PRINT = "print"  # first argument that prints a target; a folder of this name is ./print
 BOARD = "charuco:5x7:36mm"  # board that is printed by default: it fits A4 and US letter paper
 
@@ -28,7 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="BOARD",
         help="board, or a file that describes one. charuco:COLUMNSxROWS:SIZE counts squares, "
         "checkerboard:9x6:25mm inner corners, aprilgrid:6x6:25mm tags. Markers or gaps of another size: "
-        f"charuco:5x7:40mm/30mm; other markers: charuco:5x7:40mm:DICT_5X5_100. Default {BOARD}",
+        "charuco:5x7:40mm/30mm; other markers: charuco:5x7:40mm:DICT_5X5_100. A wand of bright markers: "
+        f"wand:0/150/500mm, with --intrinsics. Default {BOARD}",
     )
     parser.add_argument(
         "--lens",
@@ -129,6 +135,8 @@ def run(args: argparse.Namespace) -> int:
         return _run_people(args, output_folder(args.out))
     if args.stature or args.distance:
         raise UsageError("--stature and --distance are for --people; a board gives the scale itself")
+    if args.board.startswith(WAND) and args.folder != PRINT:
+        return _run_wand(args, out)
     board = board_of(args.board)
     if args.folder == PRINT:
         from panoptic_ros.view.board_print import write_board
@@ -143,9 +151,7 @@ def run(args: argparse.Namespace) -> int:
     if args.what is not None:
         raise UsageError(f"{args.what}: one folder is expected; options begin with --")
     from panoptic_ros.running.calibration.calibrate import calibrate_recording
-    from panoptic_ros.running.calibration.results import write_calibration
     from panoptic_ros.running.plans.rig_files import read_rig_at
-    from panoptic_ros.view.calibration_report import quality_table
     from panoptic_ros.view.progress import PassBar
 
     known = read_rig_at(args.intrinsics) if args.intrinsics else None
@@ -159,6 +165,30 @@ def run(args: argparse.Namespace) -> int:
             floor_s=args.floor,
             synchronous=args.synchronous,
         )
+    return _finish(args, out, found)
+
+
+def _run_wand(args: argparse.Namespace, out: Path) -> int:
+    """Calibrate cameras with known lenses from a wand."""
+    from panoptic_ros.calibration.wands import parse_wand
+    from panoptic_ros.running.calibration.calibrate import calibrate_with_wand
+    from panoptic_ros.running.plans.rig_files import read_rig_at
+    from panoptic_ros.view.progress import PassBar
+
+    if args.floor is not None or args.lens != "brown":
+        raise UsageError("--floor and --lens are for boards; a wand refines the lenses of --intrinsics")
+    wand = parse_wand(args.board)
+    known = read_rig_at(args.intrinsics) if args.intrinsics else None
+    with PassBar("images") as bar:
+        found = calibrate_with_wand(Path(args.folder), wand, bar.show, known, args.synchronous)
+    return _finish(args, out, found)
+
+
+def _finish(args: argparse.Namespace, out: Path, found: BoardCalibration) -> int:
+    """Write the results and print the summary."""
+    from panoptic_ros.running.calibration.results import write_calibration
+    from panoptic_ros.view.calibration_report import quality_table
+
     files = write_calibration(out, found)
     for line in (*found.notices, *found.doubts):
         print(f"warning: {line}", file=sys.stderr)

@@ -67,7 +67,7 @@ def quality_table(quality: Quality) -> list[str]:
 def prediction(quality: Quality) -> str:
     """Return the line about the predicted error."""
     return (
-        f"predicted error where the board was shown: {1e3 * quality.error_m:.2f} mm, "
+        f"predicted error where the target was shown: {1e3 * quality.error_m:.2f} mm, "
         f"{1e3 * quality.worst_m:.2f} mm at the 95th percentile"
     )
 
@@ -116,7 +116,7 @@ def report_page(
         if lines
         else "<p>All limits of a good calibration hold.</p>",
         "<h2>Cameras</h2>" + html_table(HEAD, quality_rows(quality)),
-        "<h2>Instants in which two cameras see the board</h2>",
+        "<h2>Instants in which two cameras see the target</h2>",
         html_table(("", *(row[0] for row in linked)), linked),
         f"<h2>Corners (green) and residuals (red, {MAGNIFIED} times)</h2>",
         *(

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from panoptic_ros.calibration.boards import parse_board
+from panoptic_ros.calibration.wands import parse_wand
 from panoptic_ros.cli.main import main
 from panoptic_ros.domain import Rig, ViewFrame
 from panoptic_ros.geometry import Rigid
@@ -42,7 +43,7 @@ def test_images_of_a_board_give_a_rig_with_its_report(session, tmp_path, capsys)
         main(["calibrate", str(folder), "--board", BOARD, "--synchronous", "--out", str(tmp_path / "o")]) == 0
     )
     out, err = capsys.readouterr()
-    assert "predicted error where the board was shown" in out and "Traceback" not in err
+    assert "predicted error where the target was shown" in out and "Traceback" not in err
     found = read_rig(tmp_path / "o" / "rig.json")
     assert found.names == truth.names and all(camera.covariance is not None for camera in found.cameras)
     np.testing.assert_allclose(distances(found), distances(truth), atol=0.012)
@@ -233,6 +234,30 @@ def test_images_of_another_size_are_named(session, tmp_path, capsys):
     write_rig(tmp_path / "known.json", small)
     options = ["--board", BOARD, "--intrinsics", tmp_path / "known.json", "--out", tmp_path / "o"]
     assert "give intrinsics for this size" in refused(capsys, folder, *options)
+
+
+def test_a_wand_refines_known_lenses_and_gives_the_rig(tmp_path, capsys):
+    rig, wand = small_rig(2), parse_wand("wand:0/100/300mm")
+    rng = np.random.default_rng(0)
+    for camera in rig.cameras:
+        (tmp_path / "s" / camera.name).mkdir(parents=True)
+    for n in range(60):
+        turn = rotations_of(rng.uniform(-1.2, 1.2, (1, 3)))[0]
+        pose = Rigid(turn, rng.uniform([-0.4, -0.3, 1.2], [0.2, 0.2, 1.9]))
+        for camera in rig.cameras:
+            image = np.full((480, 640), 30, np.uint8)
+            for x, y in camera.project(pose.apply(wand.points))[0]:
+                place = (round(16 * x), round(16 * y))
+                cv2.circle(image, place, 16 * 3, 255, -1, cv2.LINE_AA, 4)
+            cv2.imwrite(str(tmp_path / "s" / camera.name / f"{n:04d}.png"), image)
+    write_rig(tmp_path / "known.json", rig)
+    options = ["--board", "wand:0/100/300mm", "--synchronous", "--out", str(tmp_path / "o")]
+    assert "a wand needs known lenses" in refused(capsys, tmp_path / "s", *options)
+    known = ["--intrinsics", str(tmp_path / "known.json")]
+    assert "for boards" in refused(capsys, tmp_path / "s", *options, *known, "--floor", "1")
+    assert main(["calibrate", str(tmp_path / "s"), *options, *known]) == 0
+    assert "mark points on the floor" in capsys.readouterr().err
+    np.testing.assert_allclose(distances(read_rig(tmp_path / "o" / "rig.json")), distances(rig), atol=0.01)
 
 
 def test_a_board_is_printed_to_scale(tmp_path, capsys):

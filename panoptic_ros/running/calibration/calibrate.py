@@ -12,13 +12,16 @@ from panoptic_ros.calibration.lens_start import LensModel
 from panoptic_ros.calibration.projection import LENS, POSE
 from panoptic_ros.calibration.quality import Quality, doubts, quality_of, refusals
 from panoptic_ros.calibration.rig_start import CameraInput
-from panoptic_ros.calibration.solve import CalibratedRig, calibrate_rig
+from panoptic_ros.calibration.solve import CalibratedRig, calibrate_from, calibrate_rig
 from panoptic_ros.calibration.stretch import jackknife_sd, stretch_of
+from panoptic_ros.calibration.wand_start import start_wand
+from panoptic_ros.calibration.wands import Wand
 from panoptic_ros.calibration.world import floor_from_images, floor_from_target, rig_in_world
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.domain.camera import POSE_AND_MATRIX
 from panoptic_ros.errors import CalibrationError, UsageError
 from panoptic_ros.running.calibration.recorded_board import BoardRecording, read_board_views
+from panoptic_ros.running.calibration.recorded_wand import read_wand_views
 from panoptic_ros.stage import Progress
 
 Array = np.ndarray
@@ -46,7 +49,7 @@ class BoardCalibration:
     """
 
     rig: Rig
-    board: Board
+    board: Board | Wand
     recording: BoardRecording
     solved: CalibratedRig
     quality: Quality
@@ -76,15 +79,10 @@ def calibrate_recording(
         UserError: if the recording does not give a calibration.
     """
     recording = read_board_views(path, board, progress)
-    seen = sorted({view.camera for view in recording.views})
-    blind = [name for c, name in enumerate(recording.names) if c not in seen]
-    if blind:
-        names, more = ", ".join(blind), len(blind) > 1
-        raise CalibrationError(
-            f"camera{'s' * more} {names}: no image shows the board; show it, or move the files of the "
-            f"camera{'s' * more} away"
-        )
-    inputs = [_input(name, size, MODELS[lens], known) for name, size in zip(recording.names, recording.sizes)]
+    check_all_see(recording, "board")
+    inputs = [
+        input_of(name, size, MODELS[lens], known) for name, size in zip(recording.names, recording.sizes)
+    ]
     _check_mirrors(recording)
     solved = calibrate_rig(inputs, recording.views, board.points, clocks=not synchronous, turns=board.turns)
     quality = quality_of(solved)
@@ -120,6 +118,53 @@ def calibrate_recording(
     )
 
 
+def calibrate_with_wand(
+    path: Path, wand: Wand, progress: Progress, known: Rig | None, synchronous: bool = False
+) -> BoardCalibration:
+    """Return the calibration of the cameras of a folder or bag from a wand.
+
+    Args:
+        known: Cameras with known intrinsics, which are refined.
+        synchronous: The cameras are synchronous; clock offsets are not estimated.
+
+    Raises:
+        UserError: if the recording does not give a calibration.
+    """
+    recording = read_wand_views(path, wand, progress)
+    check_all_see(recording, "wand")
+    inputs = [
+        input_of(name, size, LensModel(), known) for name, size in zip(recording.names, recording.sizes)
+    ]
+    start = start_wand(inputs, recording.views, wand.points)
+    solved = calibrate_from(start, inputs, wand.points, clocks=not synchronous)
+    quality = quality_of(solved)
+    if reasons := refusals(quality, "wand"):
+        raise CalibrationError(f"the recording does not determine the cameras: {'; '.join(reasons)}")
+    up = (
+        "up is the mean of the images' up directions and z = 0 is the lowest place of the wand; mark points "
+        "on the floor for `panoptic rig convert --floor-points`"
+    )
+    rig = rig_in_world(solved, floor_from_images(solved))
+    notices = (*recording.notices, up)
+    return BoardCalibration(rig, wand, recording, solved, quality, tuple(doubts(quality, "wand")), notices)
+
+
+def check_all_see(recording: BoardRecording, target: str) -> None:
+    """Refuse recordings in which a camera never sees the target.
+
+    Raises:
+        CalibrationError: naming these cameras.
+    """
+    seen = {view.camera for view in recording.views}
+    blind = [name for c, name in enumerate(recording.names) if c not in seen]
+    if blind:
+        names, more = ", ".join(blind), len(blind) > 1
+        raise CalibrationError(
+            f"camera{'s' * more} {names}: no image shows the {target}; show it, or move the files of the "
+            f"camera{'s' * more} away"
+        )
+
+
 def _check_mirrors(recording: BoardRecording) -> None:
     """Refuse cameras that mirror their images; the back of a two-sided board shows in some cameras only.
 
@@ -138,7 +183,12 @@ def _stretched(stretch: float) -> str:
     return f"the print of the board is {abs(stretch):.2%} too {longer}"
 
 
-def _input(name: str, size: tuple[int, int], model: LensModel, known: Rig | None) -> CameraInput:
+def input_of(name: str, size: tuple[int, int], model: LensModel, known: Rig | None) -> CameraInput:
+    """Return a camera with what is known of its lens.
+
+    Raises:
+        CalibrationError: if the known lens is for images of another size.
+    """
     if known is None or name not in known.names:
         return CameraInput(name, size, model)
     camera = known.camera(name)

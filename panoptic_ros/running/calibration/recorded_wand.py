@@ -54,8 +54,8 @@ def read_wand_views(path: Path, wand: Wand, progress: Progress, most: int = MOST
         notices = tuple(recorded.notices)
     if not found:
         raise CalibrationError(
-            f"{path}: none of {sum(counts)} images shows {len(wand.markers)} bright markers that move; darken "
-            "the room, shorten the exposure, or check the number of markers"
+            f"{path}: none of {sum(counts)} images shows {len(wand.markers)} bright markers that move; "
+            "darken the room, shorten the exposure, or check the number of markers"
         )
     start = min(stamp for _, stamp, _ in found)
     cameras, seconds = np.array([c for c, _, _ in found]), np.array([(t - start) * 1e-9 for _, t, _ in found])
@@ -64,6 +64,4 @@ def read_wand_views(path: Path, wand: Wand, progress: Progress, most: int = MOST
         TargetView(c, int(instant), float(second), numbers, pixels)
         for (c, _, pixels), instant, second in zip(found, instants_of(cameras, seconds), seconds)
     )
-    return BoardRecording(
-        names, sizes, views, start, tuple(counts), (0,) * len(names), pictures, notices
-    )
+    return BoardRecording(names, sizes, views, start, tuple(counts), (0,) * len(names), pictures, notices)
