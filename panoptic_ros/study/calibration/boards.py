@@ -109,11 +109,12 @@ class Calibration(Study):
             problems.append(Problem(known, views, BOARD, lenses))
         for problem in problems:
             for row in self._rows(problem, session, chosen.clocks):
-                yield {"case": name, "seed": seed, "intrinsics": problem.intrinsics, **row}
+                yield {**row, "case": name, "seed": seed, "intrinsics": problem.intrinsics}
 
     def _rows(self, problem: Problem, session: BoardSession, clocks: bool) -> Iterator[Row]:
         """Yield the row of this project and those of other libraries."""
         empty: Row = dict.fromkeys(column.key for column in self.columns) | {"failed": 1.0, "note": ""}
+        bound: Row = {}
         points = None
         begin = time.perf_counter()
         try:
@@ -123,11 +124,15 @@ class Calibration(Study):
         else:
             solve_s = time.perf_counter() - begin
             points = space_of(found)
-            yield {**empty, "program": OWN, "failed": 0.0, "solve_s": solve_s, **errors_of(found, session)}
+            errors = errors_of(found, session)
+            bound = {"predicted_m": errors["predicted_m"]}
+            yield {**empty, "program": OWN, "failed": 0.0, "solve_s": solve_s, **errors}
         for attempt in attempts(problem, self.options.peers) if self.options.peers else ():
-            row = {**empty, "program": attempt.program, "solve_s": attempt.solve_s, "note": attempt.note}
+            row = {**empty, **bound, "program": attempt.program, "note": attempt.note}
             if attempt.rig is not None:
-                row |= {"failed": 0.0, **camera_errors(attempt.rig, session.rig, points)}
+                row |= {"failed": 0.0, "solve_s": attempt.solve_s}
+                row |= camera_errors(attempt.rig, session.rig, points)
+                row["ratio"] = row["error_m"] / row["predicted_m"] if bound else None
             yield row
 
     def lines(self, result: Result) -> Iterable[str]:

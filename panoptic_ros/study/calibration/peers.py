@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from panoptic_ros.calibration.target_views import TargetView
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.errors import EnvironmentProblem, UserError
 from panoptic_ros.geometry import Intrinsics, Rigid
+from panoptic_ros.io.loading import file_errors, parsing
 from panoptic_ros.study.calibration import peer_child
 from panoptic_ros.study.child import ONE_THREAD, answer_of
 
@@ -121,23 +122,24 @@ def _calibrated(problem: Problem, library: str, python: str) -> Attempt:
         np.savez(inputs, **_tables(problem))
         command = [python, str(Path(peer_child.__file__)), library, str(inputs), str(outputs)]
         try:
-            done = subprocess.run(
-                command,
-                text=True,
-                capture_output=True,
-                env={**os.environ, **ONE_THREAD},
-                check=False,
-                timeout=LONGEST_S,
-            )
+            with file_errors(Path(python), "run"):
+                done = subprocess.run(
+                    command,
+                    text=True,
+                    capture_output=True,
+                    env={**os.environ, **ONE_THREAD},
+                    check=False,
+                    timeout=LONGEST_S,
+                )
         except subprocess.TimeoutExpired:
             raise EnvironmentProblem(f"{library} takes more than {LONGEST_S:g} s") from None
         answer_of(done, library)
-        with np.load(outputs) as found:
+        with parsing(f"answer of {library}", EnvironmentProblem), np.load(outputs) as found:
             rig = _rig(problem.cameras, found)
             return Attempt(library, rig, float(found["seconds"]), str(found["note"]))
 
 
-def _tables(problem: Problem) -> dict[str, Array]:
+def _tables(problem: Problem) -> dict[str, Any]:
     """Return the arrays that `peer_child` reads."""
     views, points = problem.views, problem.board.points
     fisheye = [camera.model.fisheye for camera in problem.cameras]
