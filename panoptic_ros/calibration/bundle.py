@@ -186,10 +186,20 @@ def _system(seen: Observations, state: Adjustment, scale: float, damping: float)
         np.einsum("ii->i", block)[:] *= 1.0 + damping
         reduced[np.ix_(rows, rows)] = block
         right[rows] = own_right[camera][free]
-    reduce_to_cameras(
-        seen.targets, seen.cameras, seen.firsts, index, inverse, cross, target_right, reduced, right
-    )
+    reduce_to_cameras(seen.cameras, seen.firsts, index, inverse, cross, target_right, reduced, right)
     return _System(reduced, right, index, cross, target, target_right, inverse, shift)
+
+
+def _factor(reduced: Array) -> tuple[Array, tuple[Array, bool]]:
+    """Return scales (N,) and the Cholesky factor of the scaled matrix (N, N), which is overwritten.
+
+    Raises:
+        LinAlgError: if the matrix is not positive definite.
+    """
+    scale: Array = 1.0 / np.sqrt(np.maximum(np.diag(reduced), LEAST))
+    reduced *= scale[:, None]
+    reduced *= scale
+    return scale, cho_factor(reduced.T, lower=False, overwrite_a=True)
 
 
 def _stepped(seen: Observations, state: Adjustment, system: _System) -> Adjustment:
@@ -199,8 +209,7 @@ def _stepped(seen: Observations, state: Adjustment, system: _System) -> Adjustme
         LinAlgError: if the normal equations are singular.
     """
     cameras = state.cameras
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(system.reduced), LEAST))
-    factor = cho_factor(system.reduced * scale[:, None] * scale, lower=True)
+    scale, factor = _factor(system.reduced)
     free = scale * cho_solve(factor, scale * system.right)
     step = np.zeros((len(cameras), CAMERA))
     step[cameras.free] = free
@@ -273,7 +282,6 @@ def covariance_of(seen: Observations, state: Adjustment) -> tuple[Array, Array]:
         LinAlgError: if an unknown is not observable.
     """
     system = _system(seen, state, PLAIN, 0.0)
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(system.reduced), LEAST))
-    factor = cho_factor(system.reduced * scale[:, None] * scale, lower=True)
+    scale, factor = _factor(system.reduced)
     covariance: Array = scale[:, None] * cho_solve(factor, np.eye(len(scale))) * scale
     return covariance, system.rows

@@ -17,7 +17,7 @@ Array = np.ndarray
 FEWEST_POINTS = 8  # points of a view that Zhang's form uses
 PLAUSIBLE = (0.2, 10.0)  # focal length over the longer side of the image
 BLIND = (0.6, 0.8, 1.0, 1.4)  # focal lengths to try, over the longer side, without Zhang's form
-MOST_VIEWS = 60  # views that start a lens, evenly spaced
+MOST_VIEWS = 40  # views that start a lens, evenly spaced
 NOISE_PX = 1.0  # px, first noise of the pixels
 START_SCALE = 3.0  # scale of the Cauchy weights, in standard deviations
 # standard deviations of priors: aspect of pixels, principal point (px over the longer side), distortion.
@@ -133,11 +133,12 @@ def _adjusted_alone(
 ) -> tuple[float, Array] | None:
     """Return the cost per observation and the lens after two adjustments: few terms, then all."""
     intrinsics = intrinsics_of(camera.lenses[0], bool(camera.fisheye[0]))
-    poses = [poses_of(view, points, intrinsics) for view in views]
+    alone = [replace(view, camera=0) for view in views]
+    poses = poses_of(alone, points, [intrinsics])
     usable = [k for k, found in enumerate(poses) if found]
     if not usable:
         return None
-    renamed = [replace(views[k], camera=0, instant=n) for n, k in enumerate(usable)]
+    renamed = [replace(alone[k], instant=n) for n, k in enumerate(usable)]
     seen = observations_of(renamed, points, np.array([NOISE_PX]))
     first = Targets(
         np.stack([poses[k][0].rotation for k in usable]), np.stack([poses[k][0].translation for k in usable])

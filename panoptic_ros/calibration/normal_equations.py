@@ -209,39 +209,51 @@ def linearise(seen, lenses, fisheye, rotations, translations, offsets, turns, mo
 
 
 @_jit
-def reduce_to_cameras(targets, cameras, starts, index, inverse, cross, target_right, reduced, right):
+def reduce_to_cameras(cameras, starts, index, inverse, cross, target_right, reduced, right):
     """Subtract the eliminated targets from the normal equations of the cameras (Schur complement), in place.
 
     Args:
-        targets: (V,) target of each view. cameras: (V,). starts: (B + 1,) first view of each target.
-        index: (C, CAMERA) row of each unknown in `reduced`, -1 = fixed.
+        cameras: (V,) camera of each view. starts: (B + 1,) first view of each target.
+        index: (C, CAMERA) row of each unknown in `reduced`, ascending without gaps; -1 = fixed.
         inverse: (B, 6, 6) inverse information of the targets, 0 in rows of fixed unknowns.
         cross: (V, CAMERA, 6), target_right: (B, 6), as returned by `linearise`.
-        reduced: (N, N), right: (N,), changed.
+        reduced: (N, N), changed; only its lower triangle is complete. right: (N,), changed.
     """
+    gain, counts = np.empty((CAMERA, POSE)), (index >= 0).sum(axis=1)
+    most = (starts[1:] - starts[:-1]).max()
+    packed = np.empty((most, POSE, CAMERA))  # coupling of the views of a target by free unknowns
     for b in range(len(starts) - 1):
-        move = inverse[b] @ target_right[b]
+        own = inverse[b]
+        first, last = 0, POSE  # a free point has no rotation
+        while first < POSE and own[first, first] == 0.0:
+            first += 1
         for v in range(starts[b], starts[b + 1]):
-            gain = cross[v] @ inverse[b]
+            n = 0
             for p in range(CAMERA):
-                row = index[cameras[v], p]
-                if row < 0:
-                    continue
-                for k in range(POSE):
-                    right[row] -= cross[v, p, k] * move[k]
+                if index[cameras[v], p] >= 0:
+                    for k in range(POSE):
+                        packed[v - starts[b], k, n] = cross[v, p, k]
+                    n += 1
+        for v in range(starts[b], starts[b + 1]):
+            c = cameras[v]
+            row, rows = index[c].max() + 1 - counts[c], counts[c]
+            for p in range(rows):
+                for k in range(first, last):
+                    total = 0.0
+                    for j in range(first, last):
+                        total += packed[v - starts[b], j, p] * own[j, k]
+                    gain[p, k] = total
+                    right[row + p] -= total * target_right[b, k]
             for w in range(starts[b], starts[b + 1]):
-                for p in range(CAMERA):
-                    row = index[cameras[v], p]
-                    if row < 0:
-                        continue
-                    for q in range(CAMERA):
-                        column = index[cameras[w], q]
-                        if column < 0:
-                            continue
-                        total = 0.0
-                        for k in range(POSE):
-                            total += gain[p, k] * cross[w, q, k]
-                        reduced[row, column] -= total
+                d = cameras[w]
+                if d > c:
+                    continue
+                column, columns, other = index[d].max() + 1 - counts[d], counts[d], packed[w - starts[b]]
+                for p in range(rows):
+                    for k in range(first, last):
+                        factor = gain[p, k]
+                        for q in range(columns):
+                            reduced[row + p, column + q] -= factor * other[k, q]
 
 
 @_jit

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -12,7 +13,14 @@ from panoptic_ros.calibration.bundle import Adjustment, CameraStates, Observatio
 from panoptic_ros.calibration.lens_start import LensModel, one_camera, start_lens
 from panoptic_ros.calibration.numbering import alternatives, consistent_numbers
 from panoptic_ros.calibration.projection import POSE
-from panoptic_ros.calibration.target_poses import intrinsics_of, poses_of, relative_poses, spanning_tree
+from panoptic_ros.calibration.target_poses import (
+    PoseTable,
+    intrinsics_of,
+    pose_table,
+    poses_of,
+    relative_poses,
+    spanning_tree,
+)
 from panoptic_ros.calibration.target_views import TargetView, observations_of
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.geometry import Rigid
@@ -20,6 +28,7 @@ from panoptic_ros.geometry import Rigid
 Array = np.ndarray
 FEWEST_VIEWS = 3  # views of a camera; fewer determine no lens
 BETTER = 0.9  # share of the loss below which another pose of the target replaces its pose
+MOST_CANDIDATES = 4  # views of an instant that suggest poses of the target; one of them has a right pose
 SCALE = 3.0  # scale of the Cauchy losses, in standard deviations
 
 
@@ -45,13 +54,13 @@ class RigStart(NamedTuple):
     Args:
         views: Views that are used, with instants 0 to B - 1.
         state: Start of all unknowns.
-        candidates: Per instant, the poses of the target, world from target, that single views suggest.
+        candidates: Per instant, poses of the target, world from target, that single views suggest.
         links: Number of common instants that support the link of each pair of cameras.
     """
 
     views: list[TargetView]
     state: Adjustment
-    candidates: list[list[Rigid]]
+    candidates: PoseTable
     links: dict[tuple[int, int], int]
 
 
@@ -68,7 +77,7 @@ def start_rig(
     """
     lenses = [_lens(k, camera, views, points) for k, camera in enumerate(cameras)]
     intrinsics = [intrinsics_of(lens, camera.model.fisheye) for lens, camera in zip(lenses, cameras)]
-    poses = [poses_of(view, points, intrinsics[view.camera]) for view in views]
+    poses = poses_of(views, points, intrinsics)
     links = relative_poses(views, [alternatives(own, turns) for own in poses])
     placed, missing = spanning_tree(len(cameras), links)
     if missing:
@@ -76,7 +85,7 @@ def start_rig(
     known = [pose for pose in placed if pose is not None]
     if turns:
         views = consistent_numbers(views, poses, known, points, turns)
-        poses = [poses_of(view, points, intrinsics[view.camera]) for view in views]
+        poses = poses_of(views, points, intrinsics)
     starts = [one_camera(c.size, float(lens[0]), c.model, c.known) for c, lens in zip(cameras, lenses)]
     states = CameraStates(
         *(np.concatenate([getattr(start, name) for start in starts]) for name in CameraStates.__annotations__)
@@ -93,14 +102,8 @@ def start_rig(
     instants = sorted({view.instant for view, own in zip(views, poses) if own})
     number = {instant: n for n, instant in enumerate(instants)}
     used = [replace(view, instant=number[view.instant]) for view in views if view.instant in number]
-    candidates: list[list[Rigid]] = [[] for _ in instants]
-    for view, own in zip(views, poses):
-        for pose in own:
-            candidates[number[view.instant]].append(known[view.camera].inverse().compose(pose))
-    first = Targets(
-        np.stack([own[0].rotation for own in candidates]),
-        np.stack([own[0].translation for own in candidates]),
-    )
+    candidates = _candidates(used, [own for view, own in zip(views, poses) if view.instant in number], known)
+    first = Targets(candidates.rotations[:, 0].copy(), candidates.translations[:, 0].copy())
     seen = observations_of(used, points, np.ones(len(cameras)))
     state = Adjustment(states, first, np.zeros(len(seen.cameras)))
     supports = {pair: support for pair, (_, support) in links.items()}
@@ -131,8 +134,29 @@ def _unlinked(cameras: Sequence[CameraInput], missing: Sequence[int]) -> str:
     )
 
 
+def _candidates(
+    views: Sequence[TargetView], poses: Sequence[Sequence[Rigid]], cameras: Sequence[Rigid]
+) -> PoseTable:
+    """Return the poses of the target of each instant, world from target, by the views with the most points.
+
+    Args:
+        poses: Poses by view, camera from target. cameras: Poses, camera from world.
+    """
+    by_instant: dict[int, list[int]] = defaultdict(list)
+    for k in sorted(range(len(views)), key=lambda k: -len(views[k].numbers)):
+        if poses[k] and len(by_instant[views[k].instant]) < MOST_CANDIDATES:
+            by_instant[views[k].instant].append(k)
+    worlds = [pose.inverse() for pose in cameras]
+    return pose_table(
+        [
+            [worlds[views[k].camera].compose(pose) for k in by_instant[instant] for pose in poses[k]]
+            for instant in sorted(by_instant)
+        ]
+    )
+
+
 def with_best_targets(
-    seen: Observations, state: Adjustment, candidates: Sequence[Sequence[Rigid]], better: float = BETTER
+    seen: Observations, state: Adjustment, candidates: PoseTable, better: float = BETTER
 ) -> Adjustment:
     """Return the state with the candidate pose of each target that explains all its views best.
 
@@ -144,11 +168,8 @@ def with_best_targets(
     """
     best = _losses(seen, state) * better
     rotations, translations = state.targets.rotations.copy(), state.targets.translations.copy()
-    for n in range(max(len(own) for own in candidates)):
-        tried = [own[min(n, len(own) - 1)] for own in candidates]
-        poses = Targets(
-            np.stack([pose.rotation for pose in tried]), np.stack([pose.translation for pose in tried])
-        )
+    for n in range(candidates.rotations.shape[1]):
+        poses = Targets(candidates.rotations[:, n].copy(), candidates.translations[:, n].copy())
         losses = _losses(seen, replace(state, targets=poses))
         use = losses < best
         best = np.where(use, losses, best)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -11,11 +12,12 @@ import numpy as np
 from panoptic_ros.calibration.projection import FISHEYE_TERMS
 from panoptic_ros.calibration.target_views import TargetView
 from panoptic_ros.geometry import Intrinsics, Rigid
-from panoptic_ros.geometry.rotations import vectors_of
 
 Array = np.ndarray
 FEWEST_POINTS = 4  # points of a planar target that determine a pose
+FLAT_M = 1e-6  # m, extent across their longest direction below which points are on a line
 LEVER = 1.0  # m, distance at which a rotation counts like a translation
+MOST_INSTANTS = 60  # common instants of two cameras, evenly spaced, that give their relative pose
 SAME = 0.1  # m, distance between relative poses of two cameras that agree
 
 
@@ -27,22 +29,43 @@ def intrinsics_of(lens: Array, fisheye: bool) -> Intrinsics:
     return Intrinsics(matrix, terms, "fisheye" if fisheye else "brown")
 
 
-def poses_of(view: TargetView, points: Array, intrinsics: Intrinsics) -> list[Rigid]:
-    """Return the one or two poses, camera from target, that explain a view; the better one first.
+def poses_of(
+    views: Sequence[TargetView], points: Array, intrinsics: Sequence[Intrinsics]
+) -> list[list[Rigid]]:
+    """Return, for each view, the one or two poses, camera from target, that explain it; the better one first.
 
     A planar target far away has two poses of nearly equal residuals (Collins and Bartoli 2014, IPPE).
+
+    Args:
+        points: (N, 3) m, points of the target. intrinsics: Lenses of all cameras.
     """
-    plane = intrinsics.undistort(view.pixels)
+    found: list[list[Rigid]] = [[] for _ in views]
+    for camera, own in enumerate(intrinsics):
+        numbers = [k for k, view in enumerate(views) if view.camera == camera]
+        if not numbers:
+            continue
+        plane = own.undistort(
+            np.concatenate([views[k].pixels for k in numbers])
+        )  # at once, because it iterates
+        ends = np.cumsum([len(views[k].numbers) for k in numbers])
+        for k, pixels in zip(numbers, np.split(plane, ends[:-1])):
+            found[k] = _poses(pixels, points[views[k].numbers])
+    return found
+
+
+def _poses(plane: Array, points: Array) -> list[Rigid]:
+    """Return the poses that explain points (N, 3) at positions (N, 2) in the plane at 1 m."""
     good = np.isfinite(plane).all(axis=1)
     if good.sum() < FEWEST_POINTS:
         return []
-    own = points[view.numbers[good]]
-    centre, across = own.mean(axis=0), np.linalg.svd(own - own.mean(axis=0))[2]
+    own = points[good]
+    centre = own.mean(axis=0)
+    _, extents, across = np.linalg.svd(own - centre, full_matrices=False)
+    if extents[1] < FLAT_M:
+        return []
     if np.linalg.det(across) < 0.0:
         across[2] = -across[2]
     flat = (own - centre) @ across.T
-    if np.linalg.matrix_rank(flat[:, :2], tol=1e-6) < 2:
-        return []
     flat[:, 2] = 0.0
     try:
         count, turns, moves, _ = cv2.solvePnPGeneric(
@@ -59,13 +82,35 @@ def poses_of(view: TargetView, points: Array, intrinsics: Intrinsics) -> list[Ri
     return found
 
 
-def _distances(poses: Sequence[Rigid]) -> Array:
-    """Return the distances (N, N) m between poses: of translations, and of rotations times `LEVER`."""
-    turns = np.stack([pose.rotation for pose in poses])
-    moves = np.stack([pose.translation for pose in poses])
-    between = np.ascontiguousarray(np.einsum("aij,bkj->abik", turns, turns).reshape(-1, 3, 3))
-    angles = np.linalg.norm(vectors_of(between), axis=1).reshape(len(poses), len(poses))
-    distances: Array = LEVER * angles + np.linalg.norm(moves[:, None] - moves[None], axis=2)
+class PoseTable(NamedTuple):
+    """Candidates of the pose of a target in each view, padded with copies of the first.
+
+    Args:
+        rotations: (V, K, 3, 3), translations: (V, K, 3) m, camera from target.
+        known: (V,) whether a view has a candidate.
+    """
+
+    rotations: Array
+    translations: Array
+    known: Array
+
+
+def pose_table(poses: Sequence[Sequence[Rigid]]) -> PoseTable:
+    """Return the candidates of all views as arrays."""
+    most = max((len(own) for own in poses), default=0)
+    padded = [[*own, *([own[0]] * (most - len(own)))] if own else [Rigid.identity()] * most for own in poses]
+    return PoseTable(
+        np.array([[pose.rotation for pose in own] for own in padded]),
+        np.array([[pose.translation for pose in own] for own in padded]),
+        np.array([len(own) > 0 for own in poses]),
+    )
+
+
+def _distances(turns: Array, moves: Array, others: Array, others_moves: Array) -> Array:
+    """Return the distances (N, M) m of poses (N, 3, 3), (N, 3) m to others: rotations count `LEVER` times."""
+    cosines = 0.5 * (turns.reshape(-1, 9) @ others.reshape(-1, 9).T - 1.0)
+    apart = np.linalg.norm(moves[:, None] - others_moves[None], axis=2)
+    distances: Array = LEVER * np.arccos(np.clip(cosines, -1.0, 1.0)) + apart
     return distances
 
 
@@ -74,29 +119,36 @@ def relative_poses(
 ) -> dict[tuple[int, int], tuple[Rigid, int]]:
     """Return, for pairs of cameras with common instants, the pose second from first and its support.
 
-    The pose is the medoid of all candidates: the one with the least sum of truncated distances to the others.
-    Each common instant has at most four candidates, and one of them is right. A mean would mix them.
+    The pose is the medoid of the candidates of at most `MOST_INSTANTS` instants: the one with the least sum
+    of truncated distances to the others. One candidate of each instant is right. A mean would mix them.
     """
+    table = pose_table(poses)
     at: dict[int, list[int]] = defaultdict(list)
     for k, view in enumerate(views):
-        if poses[k]:
+        if table.known[k]:
             at[view.instant].append(k)
-    candidates: dict[tuple[int, int], list[list[Rigid]]] = defaultdict(list)
+    common: dict[tuple[int, int], list[tuple[int, int]]] = defaultdict(list)
     for own in at.values():
         for a in own:
             for b in own:
                 if views[a].camera < views[b].camera:
-                    candidates[views[a].camera, views[b].camera].append(
-                        [q.compose(p.inverse()) for p in poses[a] for q in poses[b]]
-                    )
-    found = {}
-    for pair, groups in candidates.items():
-        every = [pose for group in groups for pose in group]
-        first = np.cumsum([0, *(len(group) for group in groups[:-1])])
-        nearest = np.minimum.reduceat(np.minimum(_distances(every), SAME), first, axis=1)
-        best = int(np.argmin(nearest.sum(axis=1)))
-        found[pair] = (every[best], int((nearest[best] < SAME).sum()))
-    return found
+                    common[views[a].camera, views[b].camera].append((a, b))
+    return {pair: _medoid(table, np.array(instants)) for pair, instants in common.items()}
+
+
+def _medoid(table: PoseTable, common: Array) -> tuple[Rigid, int]:
+    """Return the relative pose of two cameras and its support, given views (N, 2) at common instants."""
+    a, b = common.T
+    turns = np.einsum("nqij,npkj->npqik", table.rotations[b], table.rotations[a])
+    moves = table.translations[b][:, None] - np.einsum("npqij,npj->npqi", turns, table.translations[a])
+    turns, moves = turns.reshape(len(a), -1, 3, 3), moves.reshape(len(a), -1, 3)
+    chosen = np.unique(np.linspace(0, len(a) - 1, MOST_INSTANTS).astype(int))
+    few, few_moves = turns[chosen].reshape(-1, 3, 3), moves[chosen].reshape(-1, 3)
+    apart = np.minimum(_distances(few, few_moves, few, few_moves), SAME)
+    best = int(np.argmin(apart.reshape(len(few), len(chosen), -1).min(axis=2).sum(axis=1)))
+    every = _distances(few[best, None], few_moves[best, None], turns.reshape(-1, 3, 3), moves.reshape(-1, 3))
+    support = int((every.reshape(len(a), -1).min(axis=1) < SAME).sum())
+    return Rigid(few[best], few_moves[best]), support
 
 
 def spanning_tree(

@@ -10,6 +10,7 @@ from pathlib import Path
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import UsageError
 from panoptic_ros.io.rigs import WRITABLE, write_rig
+from panoptic_ros.running.arguments import camera_distance
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,6 +34,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIRECTION",
         help="up direction of the world of IN: --up=-y or --up=0.1,-0.9,0.2. The world is rotated so that "
         "+z is up; `rig check` finds the direction from people",
+    )
+    convert.add_argument(
+        "--floor-points",
+        type=Path,
+        metavar="CSV",
+        help="points on the floor, marked in images: columns point, camera, x, y; at least three points, "
+        "each in two images. The first becomes the origin, the second is on the x axis, z is up",
+    )
+    convert.add_argument(
+        "--distance",
+        type=camera_distance,
+        metavar="CAM_A,CAM_B=M",
+        help="measured distance of two lenses, m: all lengths are scaled to it",
     )
     for sub in (check, convert):
         sub.add_argument(
@@ -70,10 +84,21 @@ def _words(text: str) -> list[str]:
 
 def _convert(args: argparse.Namespace) -> int:
     rig = _read(args, args.source, _words(args.cameras) if args.cameras else None)
+    if args.up and args.floor_points:
+        raise UsageError("--up and --floor-points both give the up direction; give one of them")
     if args.up:
         from panoptic_ros.running.plans.rig_files import turned
 
         rig = turned(rig, args.up)
+    if args.distance:
+        from panoptic_ros.running.plans.rig_files import with_distance
+
+        rig, factor = with_distance(rig, *args.distance)
+        print(f"all lengths are multiplied by {factor:.4f}")
+    if args.floor_points:
+        from panoptic_ros.running.plans.rig_files import on_floor
+
+        rig = on_floor(rig, args.floor_points)
     lost = write_rig(args.target, rig, args.format)
     print(f"{args.target}: {len(rig)} cameras" + (f"; left out: {', '.join(lost)}" if lost else ""))
     return 0

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from panoptic_ros.domain import Camera, Rig, SkeletonModel
+from panoptic_ros.domain import Rig, SkeletonModel
+from panoptic_ros.evaluation.rig_frame import moved_rig
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.stage import Notice
 
@@ -145,18 +145,7 @@ def turned_up(rig: Rig, up: Sequence[float] | Array) -> Rig:
     axis = axis / sine if sine > 1e-12 else np.array(AXES["x"])
     new_from_old = Rotation.from_rotvec(np.arctan2(sine, cosine) * axis).as_matrix()
 
-    def turned(camera: Camera) -> Camera:
-        pose = camera.cam_from_world
-        return replace(camera, cam_from_world=Rigid(pose.rotation @ new_from_old.T, pose.translation))
-
-    things = rig.occluders
-    return replace(
-        rig,
-        up=AXES["z"],
-        cameras=tuple(turned(camera) for camera in rig.cameras),
-        depth_sensors=tuple(replace(own, camera=turned(own.camera)) for own in rig.depth_sensors),
-        occluders=None if things is None else replace(things, vertices=things.vertices @ new_from_old.T),
-    )
+    return moved_rig(rig, Rigid(new_from_old, np.zeros(3)))
 
 
 def _unit(vectors: Array) -> Array:

@@ -58,3 +58,20 @@ def within(kind: type[int] | type[float], low: float, high: float) -> Callable[[
         return value
 
     return parse
+
+
+def camera_distance(text: str) -> tuple[str, str, float]:
+    """Return two cameras and their distance, m, of CAM_A,CAM_B=METRES; for `type=` of argparse.
+
+    Raises:
+        ArgumentTypeError: if the text is different, or the distance is not 0.01 to 1000 m.
+    """
+    names, _, metres = text.partition("=")
+    first, _, second = names.partition(",")
+    try:
+        found = float(metres)
+    except ValueError:
+        found = 0.0
+    if not (first and second and first != second and 0.01 <= found <= 1000.0):
+        raise argparse.ArgumentTypeError(f"{text!r}: write CAM_A,CAM_B=METRES, e.g. cam0,cam1=3.42")
+    return first, second, found

@@ -109,6 +109,24 @@ def test_convert(tmp_path: Path, rig: Rig, capsys: pytest.CaptureFixture[str]) -
     assert "2 cameras" in capsys.readouterr().out
 
 
+def test_convert_to_a_measured_distance_and_a_marked_floor(tmp_path: Path, rig: Rig) -> None:
+    marks = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0], [0.0, 0.5, 0.0]])
+    half = [replace(c, cam_from_world=Rigid(TURN, 0.5 * c.cam_from_world.translation)) for c in rig.cameras]
+    write_rig(tmp_path / "half.json", replace(rig, cameras=tuple(half)))
+    rows = [
+        f"p{n},{c.name},{c.project(mark)[0][0]},{c.project(mark)[0][1]}"
+        for n, mark in enumerate(marks)
+        for c in rig.cameras[:2]
+    ]
+    (tmp_path / "f.csv").write_text("\n".join(["point,camera,x,y", *rows]))
+    apart = np.linalg.norm(rig.cameras[0].centre - rig.cameras[2].centre)
+    options = ["--distance", f"c0,c2={apart}", "--floor-points", str(tmp_path / "f.csv")]
+    assert main(["rig", "convert", str(tmp_path / "half.json"), str(tmp_path / "o.json"), *options]) == 0
+    found = read_rig(tmp_path / "o.json")
+    for own, true in zip(found.cameras, rig.cameras):
+        np.testing.assert_allclose(own.centre, true.centre, atol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -117,6 +135,9 @@ def test_convert(tmp_path: Path, rig: Rig, capsys: pytest.CaptureFixture[str]) -
         (["convert", "rig.json", "x.json", "--unit", "mm"], "has no use for unit"),
         (["convert", "rig.json", "x.json", "--panels", "one"], "not a list of whole numbers"),
         (["convert", "rig.json", "x.json", "--cameras", "c9"], "no camera 'c9'"),
+        (["convert", "rig.json", "x.json", "--distance", "c0,c9=2"], "no camera 'c9'"),
+        (["convert", "rig.json", "x.json", "--up=y", "--floor-points", "f.csv"], "give one of them"),
+        (["convert", "rig.json", "x.json", "--floor-points", "f.csv"], "f.csv"),
     ],
 )
 def test_mistakes_of_the_user(

@@ -104,7 +104,8 @@ def calibrate_recording(
         world = floor_from_images(solved)
         notices.append(
             "up is the mean of the images' up directions and z = 0 is the lowest point of the board; for a "
-            "real floor, lay the board on it and give the time with --floor SECONDS"
+            "real floor, lay the board on it and give the time with --floor SECONDS, or mark its points for "
+            "`panoptic rig convert --floor-points`"
         )
     else:
         world = floor_from_target(solved, _nearest_target(solved, floor_s))

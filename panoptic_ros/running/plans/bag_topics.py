@@ -81,8 +81,9 @@ def image_streams(
 def camera_image_streams(bag: BagReader) -> tuple[BagStream, ...]:
     """Return one stream of images for each camera of a bag without calibration, sorted by camera.
 
-    The name of a camera is the last word of its namespace that not all cameras share: /cam_1/color/image_raw
-    and /cam_2/color/image_raw belong to cam_1 and cam_2. Raw images are preferred to compressed ones.
+    The name of a camera is the last word of its namespace that differs between cameras. Topics
+    /cam_1/color/image_raw and /cam_2/color/image_raw belong to cam_1 and cam_2. Raw images are preferred to
+    compressed ones.
 
     Raises:
         DataError: if the bag has no images, or two topics belong to one camera.

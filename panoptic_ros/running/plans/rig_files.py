@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import UsageError
 from panoptic_ros.evaluation.rig_check import RigReport, check_rig
+from panoptic_ros.evaluation.rig_frame import MarkedFloor, moved_rig, scaled_rig, world_on_floor
 from panoptic_ros.evaluation.rig_up import direction_of, turned_up
+from panoptic_ros.io.floor_points import read_floor_points
 from panoptic_ros.io.plain_formats import read_detections
 from panoptic_ros.io.rigs import find_rig, read_rig
 from panoptic_ros.io.rigs.camera_info import POSES
@@ -75,3 +79,27 @@ def turned(rig: Rig, up: str) -> Rig:
     if direction is None:
         raise UsageError(f"--up {up!r} is not a direction; write an axis, as --up=-y, or three numbers")
     return turned_up(rig, direction)
+
+
+def on_floor(rig: Rig, points: Path) -> Rig:
+    """Return the rig in a world frame with z up and z = 0 on the floor.
+
+    Args:
+        points: CSV file of points on the floor, see `read_floor_points`.
+
+    Raises:
+        UserError: if the points do not determine a floor.
+    """
+    return moved_rig(rig, world_on_floor(rig, MarkedFloor(*read_floor_points(points, rig))))
+
+
+def with_distance(rig: Rig, first: str, second: str, metres: float) -> tuple[Rig, float]:
+    """Return the rig scaled so that two cameras are a measured distance, m, apart, and the factor.
+
+    Raises:
+        UserError: if a camera is not in the rig, or both have one place.
+    """
+    apart = float(np.linalg.norm(rig.camera(first).centre - rig.camera(second).centre))
+    if not apart > 0.0:
+        raise UsageError(f"cameras {first} and {second} have one place; their distance gives no scale")
+    return scaled_rig(rig, metres / apart), metres / apart
