@@ -221,7 +221,7 @@ def triangulation_errors(rig: Rig, truth: Rig, points: Array) -> Array:
     world_from_first = truth.cameras[0].cam_from_world.inverse()
     pixels = []
     for camera in truth.cameras:
-        own, _ = camera.intrinsics.project(camera.cam_from_world.apply(world_from_first.apply(points)))
+        own, _ = camera.project(world_from_first.apply(points))
         with np.errstate(invalid="ignore"):
             inside = np.all((own > 0.0) & (own < np.array(camera.image_size)), axis=1)
         pixels.append(np.where(inside[:, None], own, np.nan))

@@ -199,10 +199,7 @@ def _scores(rig: Rig, corners: list[RecordedCorner], points: Array) -> dict[str,
         for corner in own:
             pixels[n, rig.index(corner.camera)] = corner.pixel
     positions = exact_points(rig, pixels)
-    misses = [
-        camera.intrinsics.project(camera.cam_from_world.apply(positions))[0] - pixels[:, c]
-        for c, camera in enumerate(rig.cameras)
-    ]
+    misses = [camera.project(positions)[0] - pixels[:, c] for c, camera in enumerate(rig.cameras)]
     placed: dict[int, list[tuple[int, Array]]] = defaultdict(list)
     for (instant, point), position in zip(groups, positions):
         placed[instant].append((point, position))
