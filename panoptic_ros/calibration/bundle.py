@@ -17,6 +17,7 @@ GREATEST_DAMPING = 1e10  # relative; no step reduces the cost beyond it
 RISE, FALL = 10.0, 0.1  # factors of the damping after a refused and an accepted step
 CONVERGED = 2e-6  # relative decrease of the cost below which the steps end
 LEAST = 1e-12  # px^-2, information below which an unknown of a target is fixed
+ROLL = 1e-9  # relative information about unknowns that a target leaves open: the roll of a straight wand
 PLAIN = 1e6  # scale of the Cauchy weight, in standard deviations, at which all weights are 1
 
 
@@ -174,7 +175,7 @@ def _system(seen: Observations, state: Adjustment, scale: float, damping: float)
     index[cameras.free] = np.arange(int(cameras.free.sum()))
     diagonal = np.einsum("bii->bi", target)
     fixed = diagonal < LEAST
-    diagonal[:] = np.where(fixed, 1.0, diagonal * (1.0 + damping))
+    diagonal[:] = np.where(fixed, 1.0, diagonal * (1.0 + damping + ROLL))
     inverse = np.linalg.inv(target)
     inverse[np.broadcast_to(fixed[:, :, None] | fixed[:, None, :], inverse.shape)] = 0.0
     size = int(index.max()) + 1

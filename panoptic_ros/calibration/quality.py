@@ -135,11 +135,14 @@ def space_of(rig: CalibratedRig) -> Array:
     return space
 
 
-def predicted_errors(rig: CalibratedRig, points: Array) -> Array:
+def predicted_errors(rig: CalibratedRig, points: Array, scaled: bool = False) -> Array:
     """Return the predicted errors (N,) m of points (N, 3) m that all cameras in view triangulate.
 
     Each is the standard deviation of the distance between a point and its triangulation from exact pixels,
     after the best rigid alignment of all points. It follows from the covariance by linear propagation.
+
+    Args:
+        scaled: The alignment includes the scale, because another measurement gives it.
     """
     states, size = rig.state.cameras, len(rig.covariance)
     gains = np.zeros((len(points), 3, size))
@@ -168,6 +171,8 @@ def predicted_errors(rig: CalibratedRig, points: Array) -> Array:
         gains[n] = -np.linalg.pinv(information) @ pull
     flat = gains.reshape(-1, size)
     motions = _rigid_motions(points)
+    if scaled:
+        motions = np.column_stack([motions, (points - points.mean(axis=0)).reshape(-1)])
     basis = np.linalg.qr(motions)[0]
     flat = flat - basis @ (basis.T @ flat)
     variances = np.einsum("ij,jk,ik->i", flat, rig.covariance, flat).reshape(-1, 3).sum(axis=1)

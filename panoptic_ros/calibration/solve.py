@@ -95,8 +95,19 @@ def calibrate_rig(
     Raises:
         CalibrationError: if the views do not determine the calibration.
     """
+    return calibrate_from(start_rig(cameras, views, points, turns), cameras, points, clocks)
+
+
+def calibrate_from(
+    start: RigStart, cameras: Sequence[CameraInput], points: Array, clocks: bool
+) -> CalibratedRig:
+    """Return the calibration of cameras from a start, see `calibrate_rig`.
+
+    Raises:
+        CalibrationError: if the views do not determine the calibration.
+    """
     try:
-        return _calibrated(cameras, views, points, clocks, turns)
+        return _calibrated(start, cameras, points, clocks)
     except np.linalg.LinAlgError:
         raise CalibrationError(
             "the views of the board do not determine the cameras; show it in more places and tilts"
@@ -104,18 +115,13 @@ def calibrate_rig(
 
 
 def _calibrated(
-    cameras: Sequence[CameraInput],
-    views: Sequence[TargetView],
-    points: Array,
-    clocks: bool,
-    turns: Sequence[Rigid],
+    start: RigStart, cameras: Sequence[CameraInput], points: Array, clocks: bool
 ) -> CalibratedRig:
     """Return the calibration, see `calibrate_rig`.
 
     Raises:
         LinAlgError: if an unknown is not observable.
     """
-    start = start_rig(cameras, views, points, turns)
     noise = np.full(len(cameras), FIRST_NOISE_PX)
     seen = observations_of(start.views, points, noise)
     state = _settled(seen, start)

@@ -48,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--synchronous", action="store_true", help="cameras are synchronous: estimate no clock offsets"
     )
+    _add_people_options(parser)
     parser.add_argument("--paper", help="paper of `print board`, e.g. a4; default: the smallest that fits")
     parser.add_argument(
         "--out",
@@ -58,11 +59,76 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quiet", action="store_true", help="print no summary")
 
 
+def _add_people_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--people",
+        action="store_true",
+        help="calibrate from people who walk, without a board. FOLDER is a capture folder, results of a run, "
+        "a bag, or a file of 2D poses. --intrinsics gives the lenses, unless the recording has a calibration",
+    )
+    parser.add_argument(
+        "--stature",
+        type=within(float, 0.5, 2.5),
+        metavar="M",
+        help="with --people: mean stature of the people, m; it gives the scale",
+    )
+    parser.add_argument(
+        "--distance",
+        type=_distance,
+        metavar="CAM_A,CAM_B=M",
+        help="with --people: measured distance of two lenses, m; it gives the scale",
+    )
+
+
+def _distance(text: str) -> tuple[str, str, float]:
+    """Return two cameras and their distance, m."""
+    names, _, metres = text.partition("=")
+    first, _, second = names.partition(",")
+    try:
+        found = float(metres)
+    except ValueError:
+        found = 0.0
+    if not (first and second and first != second and 0.01 <= found <= 1000.0):
+        raise argparse.ArgumentTypeError(f"{text!r}: write CAM_A,CAM_B=METRES, e.g. cam0,cam1=3.42")
+    return first, second, found
+
+
+def _run_people(args: argparse.Namespace, out: Path) -> int:
+    """Calibrate cameras from people."""
+    from panoptic_ros.running.calibration.calibrate_people import (
+        calibrate_recorded_people,
+        write_people_calibration,
+    )
+    from panoptic_ros.view.people_report import people_table
+    from panoptic_ros.view.progress import PassBar
+
+    with PassBar("people") as bar:
+        found = calibrate_recorded_people(
+            Path(args.folder),
+            args.intrinsics,
+            bar.show,
+            stature_m=args.stature,
+            distance=args.distance,
+            synchronous=args.synchronous,
+        )
+    files = write_people_calibration(out, found)
+    for line in (*found.notices, *found.doubts):
+        print(f"warning: {line}", file=sys.stderr)
+    if not args.quiet:
+        print("\n".join(people_table(found.quality.rig, found.predicted)))
+        print(f"{out}: {', '.join(files)}")
+    return 0
+
+
 def run(args: argparse.Namespace) -> int:
     """Calibrate the cameras of a folder, or print a board."""
     from panoptic_ros.running.calibration.recorded_board import board_of  # imported here to keep --help fast
 
     out = output_file(args.out) if args.folder == PRINT else output_folder(args.out)
+    if args.people:
+        return _run_people(args, output_folder(args.out))
+    if args.stature or args.distance:
+        raise UsageError("--stature and --distance are for --people; a board gives the scale itself")
     board = board_of(args.board)
     if args.folder == PRINT:
         from panoptic_ros.view.board_print import write_board

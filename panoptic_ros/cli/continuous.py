@@ -77,7 +77,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--subject",
         type=Path,
         metavar="FILE",
-        help="with --preset: subject.json with the skeleton of a person; default: one fitted to each person",
+        help="subject.json: fit curves of joint angles to this person, whose bones keep their lengths; with "
+        "--preset: its skeleton; default: no body model",
     )
     parser.add_argument(
         "--images",
@@ -149,7 +150,7 @@ def run(args: argparse.Namespace) -> int:
         if args.preset:
             motion = solve_preset(task, args.subject, args.images, bar.show)
         else:
-            motion = solve_continuous(task, bar.show)
+            motion = solve_continuous(task, bar.show, args.subject)
     motion = motion if known is None else whole_clocks(motion, known)
     told = [] if stamps is None else check_instants(stamps, motion)
     for line in (*task.notices, *told):

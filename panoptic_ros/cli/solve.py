@@ -23,6 +23,9 @@ TOLD = (
     "sync.clock_off",
     "result.nobody",
     "result.free_running",
+    "health.turned",
+    "health.zoomed",
+    "health.repaired",
 )  # notices that are printed in full; others are only counted
 
 
@@ -41,6 +44,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--cameras", help="use only these cameras, names separated by commas")
     parser.add_argument("--quiet", action="store_true", help="print no summary")
+    parser.add_argument(
+        "--repair",
+        type=output_file,
+        metavar="RIG",
+        help="correct cameras that turn or zoom during the recording, and write the corrected rig",
+    )
     add_occluder_option(parser)
     add_offset_options(parser)
     add_parameter_options(parser)
@@ -50,15 +59,17 @@ def run(args: argparse.Namespace) -> int:
     """Solve a file and write the 3D poses."""
     from panoptic_ros.io.plain_formats import write_skeletons  # imported here to keep --help fast
     from panoptic_ros.io.recorded_people import AUTO
+    from panoptic_ros.io.rigs import write_rig
     from panoptic_ros.running.plans.parameters import read_parameters
     from panoptic_ros.running.plans.presets import read_preset
     from panoptic_ros.running.solve import check, read_task, solve
 
     preset = read_preset(args.preset)
+    settings = [*args.settings, *(["health.repair=true"] if args.repair else [])]
     task = read_task(
         args.rig,
         args.detections,
-        read_parameters(args.config, args.settings, preset.parameters),
+        read_parameters(args.config, settings, preset.parameters),
         skeleton=args.skeleton or preset.skeleton or AUTO,
         cameras=names(args.cameras),
         occluders=args.occluders,
@@ -71,6 +82,8 @@ def run(args: argparse.Namespace) -> int:
         print(f"warning: {notice.text}", file=sys.stderr)
     solution = solve(task, warnings)
     write_skeletons(args.out, task.joint_names, solution.poses)
+    if args.repair and solution.rig is not None:
+        write_rig(args.repair, solution.rig)
     if not args.quiet:
         _summary(args.out, solution)
         for line in task.told():

@@ -6,6 +6,7 @@ of instants, linearised at the present curves (Gauss-Newton).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -270,30 +271,41 @@ def add_lengths(columns, right, grid, times, pairs, along, learnt):
 def block_inverses(columns: Array, joints: int, reach: int) -> Array:
     """Return the covariances of each joint's control points in the band, (J, 3K, WIDTH) m^2.
 
-    Takahashi's recursion over blocks of one knot each.
-
     Args:
         columns: (n, reach * 3J) Cholesky factor, columns[i, k] = L[i + k, i].
         reach: half bandwidth in blocks.
     """
     block = 3 * joints
-    knots = len(columns) // block
-    inverses = np.zeros((joints, 3 * knots, WIDTH))
-    later = np.zeros(((reach - 1) * block, (reach - 1) * block))  # covariance of later blocks
+    inverses = np.zeros((joints, len(columns) // joints, WIDTH))
+    for k, here, cross, _ in block_covariances(columns, block, reach):
+        collect(here, cross, k, inverses)
+    return inverses
+
+
+def block_covariances(columns: Array, block: int, reach: int) -> Iterator[tuple[int, Array, Array, Array]]:
+    """Yield the covariances in the band, from the last block to the first (Takahashi's recursion).
+
+    Args:
+        columns: (n, reach * block) Cholesky factor, columns[i, k] = L[i + k, i].
+        reach: half bandwidth in blocks.
+
+    Yields: index of a block, its covariance (block, block), the covariance ((reach - 1) * block, block) of
+        later blocks with it, and that of later blocks. They are 0 beyond the last block.
+    """
+    later = np.zeros(((reach - 1) * block, (reach - 1) * block))
     unpacked = np.zeros((reach * block, block))
-    for k in range(knots - 1, -1, -1):
+    for k in range(len(columns) // block - 1, -1, -1):
         unpack(columns, k * block, unpacked)
         own = np.linalg.inv(unpacked[:block])
         gain = unpacked[block:] @ own
         cross = later @ -gain
         here = own.T @ own - gain.T @ cross
         here = 0.5 * (here + here.T)  # asymmetric errors would grow from block to block
-        collect(here, cross, k, inverses)
+        yield k, here, cross, later
         later[block:, block:] = later[:-block, :-block].copy()
         later[:block, :block] = here
         later[block:, :block] = cross[:-block]
         later[:block, block:] = cross[:-block].T
-    return inverses
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

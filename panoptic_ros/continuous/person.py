@@ -80,14 +80,14 @@ class PersonCurve:
         return values
 
 
-class _Window:
+class CurveWindow:
     """Part of a person's curve: knots first..last, and the problem that includes the overlap."""
 
     def __init__(
         self, rays: TrackRays, times: Array, arrays: RigArrays, whole: KnotGrid, first: int, last: int
     ):
         overlap = round(OVERLAP_S / whole.step)
-        self.first, self.last = first, last
+        self.first, self.last, self._whole = first, last, whole
         self.begin = max(0, first - overlap)
         end = min(whole.number - DEGREE, last + overlap)
         origin = whole.origin + self.begin * whole.step
@@ -97,11 +97,27 @@ class _Window:
         self.problem = CurveProblem(rays.subset(inside), times[inside], arrays, grid)
         self.fit: CurveFit | None = None
 
+    @property
+    def own_points(self) -> Array:
+        """Return the indices of the control points that the window contributes to the whole curve."""
+        whole = self._whole
+        first = self.first + (DEGREE // 2 if self.first else 0)
+        last = self.last + (DEGREE // 2 if self.last < whole.number - DEGREE else DEGREE)
+        return np.arange(first, last)
+
     def solve(self) -> CurveFit:
         """Return the curves fitted joint by joint; they are computed once."""
         if self.fit is None:
             self.fit = self.problem.solve()
         return self.fit
+
+
+def window_limits(whole: KnotGrid) -> list[tuple[int, int]]:
+    """Return the first and the last knot of each window of a curve."""
+    knots = whole.number - DEGREE
+    parts = max(1, round(knots * whole.step / WINDOW_S))
+    borders = np.linspace(0, knots, parts + 1).round().astype(np.int64)
+    return list(zip(borders[:-1].tolist(), borders[1:].tolist()))
 
 
 def fit_person(
@@ -116,13 +132,11 @@ def fit_person(
         pairs: (P, 2) see `rigid_pairs`.
     """
     whole = grid_over(times)
-    knots = whole.number - DEGREE
-    parts = max(1, round(knots * whole.step / WINDOW_S))
-    borders = np.linspace(0, knots, parts + 1).round().astype(np.int64)
-    limits = list(zip(borders[:-1].tolist(), borders[1:].tolist()))
+    knots, limits = whole.number - DEGREE, window_limits(whole)
+    parts = len(limits)
 
-    def window(k: int) -> _Window:
-        return _Window(rays, times, arrays, whole, *limits[k])
+    def window(k: int) -> CurveWindow:
+        return CurveWindow(rays, times, arrays, whole, *limits[k])
 
     chosen = np.unique(np.linspace(0, parts - 1, LENGTH_WINDOWS).round().astype(np.int64)).tolist()
     kept = {k: window(k) for k in chosen}
@@ -137,9 +151,8 @@ def fit_person(
     for k in range(parts):
         one = kept.pop(k, None) or window(k)
         fit = fit_with_lengths(one.problem, one.solve(), pairs, bones)
-        first = one.first + (DEGREE // 2 if k else 0)
-        last = one.last + (DEGREE // 2 if k < parts - 1 else DEGREE)
-        points[first:last] = fit.points[:, first - one.begin : last - one.begin].transpose(1, 0, 2)
+        own = one.own_points
+        points[own] = fit.points[:, own - one.begin].transpose(1, 0, 2)
         at = np.arange(one.first, one.last + 1)
         instants = whole.origin + at * whole.step
         covariances[at] = covariances_at(fit.inverses, one.problem.grid, instants).transpose(1, 0, 2, 3)

@@ -34,7 +34,7 @@ CAUCHY, FIRST_CAUCHY = 3.0, 30.0  # scale of the robust weights, in standard dev
 START_JERK = 1000.0
 LEAST_JERK, MOST_JERK = 2.0, 2e4  # m/s^2.5
 SMOOTHING_S = 0.5  # s, standard deviation of the weights in the average of the stiffness over time
-LEAST_SURE = 0.02  # lower limit of the number of differences (of three) at a knot that the rays determine
+LEAST_SURE = 0.02  # lower limit of the number of differences at a knot that the rays determine, of `axes`
 # s of rays on both sides of a knot from which stiffness is learnt. A loose curve explains a false ray at an
 # end of the rays, because no later ray contradicts it
 INSIDE_S = 0.2
@@ -226,11 +226,20 @@ class CurveProblem:
             cauchy: scale of the robust weights, in standard deviations.
         """
         at: AtRays = at_rays(fit, self.rays, self.grid)
-        self.misses = np.einsum("nij,nj->ni", self.seen.rows, at.positions) - self.seen.rights
-        depths = np.einsum("ni,ni->n", self._depth_rows, at.positions) + self._depth_offsets
+        self.place(at.positions, cauchy)
+        return at
+
+    def place(self, positions: Array, cauchy: float = CAUCHY) -> None:
+        """Update residuals, depths and weights from positions (N, 3) m of the joints at the rays."""
+        self.misses = self.misses_of(positions)
+        depths = np.einsum("ni,ni->n", self._depth_rows, positions) + self._depth_offsets
         self.depths = np.maximum(depths, LEAST_DEPTH)
         self._growths = growth(self.squares, cauchy)
-        return at
+
+    def misses_of(self, positions: Array) -> Array:
+        """Return the residuals (N, 2) m of positions (N, 3) m of the joints at the rays."""
+        misses: Array = np.einsum("nij,nj->ni", self.seen.rows, positions) - self.seen.rights
+        return misses
 
     @property
     def squares(self) -> Array:
@@ -308,7 +317,9 @@ def knots_inside(rays: TrackRays, times: Array, grid: KnotGrid) -> Array:
     return inside
 
 
-def learn_stiffness(stiffness: Array, differences: Array, spreads: Array, inside: Array) -> Array:
+def learn_stiffness(
+    stiffness: Array, differences: Array, spreads: Array, inside: Array, axes: int = 3
+) -> Array:
     """Update the stiffness (J, K - ORDER) by MacKay's rule, averaged over time.
 
     The jerk of a joint changes over time: a recording of walking and running has no common value. So the rule
@@ -317,8 +328,9 @@ def learn_stiffness(stiffness: Array, differences: Array, spreads: Array, inside
     Args:
         differences, spreads: see `CurveFit`.
         inside: (J, K - ORDER) see `knots_inside`.
+        axes: number of coordinates of a curve, over which `differences` and `spreads` are summed.
     """
-    sure = np.maximum(3.0 - spreads * stiffness, LEAST_SURE)
+    sure = np.maximum(axes - spreads * stiffness, LEAST_SURE)
     weights = np.maximum(inside, OUTSIDE)
     sums = [
         gaussian_filter1d(weights * values, SMOOTHING_S / STEP_S, axis=1, mode="reflect", truncate=3.0)

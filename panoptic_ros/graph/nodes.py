@@ -172,6 +172,12 @@ NODES: dict[str, NodeSpec] = {
             ("skeletons_raw", "tracks"),
         ),
         stage_row(
+            "health",
+            (Port("associations", first=True), Port("skeletons_raw")),
+            ("repaired_rig",),
+            switch="active",
+        ),
+        stage_row(
             "offsets",
             (Port("detections", first=True), Port("skeletons_raw")),
             ("clock_models",),
@@ -226,6 +232,7 @@ AFTER_DETECTION = (
     "voting",
     "assembly",
     "tracking",
+    "health",
     "offsets",
     "continuous",
     "kinematics",

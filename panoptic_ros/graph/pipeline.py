@@ -33,6 +33,8 @@ from panoptic_ros.stage import (
 Observer = Callable[[str, Any], None]  # (key of the topic, record)
 NoticeObserver = Callable[[str, Notice], None]  # (stage, notice)
 
+REPAIRED = "repaired_rig"  # topic of a corrected rig, which the stages use from then on
+
 
 class _End(NamedTuple):
     """End of a stream on its way through the stages.
@@ -207,9 +209,15 @@ class Pipeline:
         Returns:
             the stages that restart with an empty state, because their state refers to other cameras.
         """
+        return self._change_rig(rig, self.names)
+
+    def _change_rig(self, rig: Rig, names: Collection[str]) -> tuple[str, ...]:
+        """Use another rig in some of the stages; see `change_rig`."""
         self._context = replace(self._context, rig=rig)
         anew = []
         for number, name in enumerate(self.names):
+            if name not in names:
+                continue
             stage, before = self._make(name), self._stages[number].state()
             try:
                 stage.begin(before)
@@ -312,6 +320,9 @@ class Pipeline:
             topic = spec.output_for(record)
             self.schedule.add(topic, record, self.schedule.place_of_next(turn, topic), turn.stage)
             self._on_record(topic, record)
+            if topic == REPAIRED:
+                # Stages beside the images run in other processes of the graph, so they keep the rig here too.
+                self._change_rig(record, [name for name in self.names if name not in self._apart])
 
 
 def records_of(

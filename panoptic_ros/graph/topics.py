@@ -174,6 +174,7 @@ TOPICS: dict[str, Topic] = {
         _row("clock_models", "ClockModel", "ClockModel", latched=True, recorded=True),
         _row("time_reference", "ClockModel", "sensor_msgs/TimeReference", "{owner}/time_reference", "device"),
         _row("rig", "Rig", "Rig", latched=True, recorded=True),
+        _row("repaired_rig", "Rig", "Rig", latched=True),
         _row("skeleton_model", "SkeletonModel", "SkeletonModel", latched=True, recorded=True),
         _row("subjects", "SubjectSet", "SubjectSet", latched=True),
         _row("detection_sets", "DetectionSet", "DetectionSet"),

@@ -12,6 +12,7 @@ import numpy as np
 from panoptic_ros.continuous.config import ContinuousConfig
 from panoptic_ros.continuous.motion_result import ContinuousMotion
 from panoptic_ros.continuous.passes import ContinuousPass
+from panoptic_ros.continuous.subjects.passes import SubjectPass
 from panoptic_ros.domain import ViewDetections
 from panoptic_ros.errors import DataError, UsageError, shown
 from panoptic_ros.evaluation.nobody import why_nobody
@@ -19,13 +20,15 @@ from panoptic_ros.evaluation.rig_check import check_rig
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.recording import InMemoryRecording
 from panoptic_ros.io.bags import bag_in
+from panoptic_ros.io.body_models import read_body_model, read_body_shape
 from panoptic_ros.io.detector_context import noise_only
+from panoptic_ros.io.kinematic_files import read_subject
 from panoptic_ros.io.loading import parsing, read_bytes
 from panoptic_ros.io.recorded_people import AUTO, read_people
 from panoptic_ros.running.grouping import grouped, views_in_order
 from panoptic_ros.running.plans.rig_files import read_rig_at
 from panoptic_ros.solving.capture_space import CAPTURE_VIEWS
-from panoptic_ros.stage import Notice, Progress, StageContext, untold
+from panoptic_ros.stage import Notice, Pass, Progress, StageContext, untold
 from panoptic_ros.sync.far_views import without_far_views
 
 Array = np.ndarray
@@ -154,13 +157,32 @@ def _check_unit(views: Sequence[ViewDetections]) -> None:
             )
 
 
-def solve_continuous(task: ContinuousTask, progress: Progress) -> ContinuousMotion:
+def with_segments(context: StageContext) -> StageContext:
+    """Return the context with the default skeleton of segments and its shape."""
+    model = read_body_model()
+    return replace(
+        context, extras={**context.extras, "segments": model, "body_shape": read_body_shape(model)}
+    )
+
+
+def solve_continuous(
+    task: ContinuousTask, progress: Progress, subject: Path | None = None
+) -> ContinuousMotion:
     """Return the motion of all people.
 
+    Args:
+        subject: file of a designated person, who gets curves of joint angles.
+
     Raises:
-        UserError: if the rig or the recording cannot be used.
+        UserError: if the rig, the recording or the subject cannot be used.
     """
-    motion = ContinuousPass(task.config, task.context).run(task.recording, progress)
+    work: Pass[ContinuousMotion]
+    if subject is None:
+        work = ContinuousPass(task.config, task.context)
+    else:
+        context = with_segments(task.context)
+        work = SubjectPass(task.config, context, read_subject(subject, context.extras["segments"]))
+    motion = work.run(task.recording, progress)
     return motion if motion.people else replace(motion, notices=(*motion.notices, *_why_nobody(task)))
 
 

@@ -39,7 +39,7 @@ def check_online(options: Mapping[str, Any]) -> None:
     Raises:
         UsageError: naming an option that needs the whole recording, or a rate that is too high.
     """
-    words = ("at", "clocks", "rolling_shutter", "trusted_camera", "clocks_out", "curves", "preset")
+    words = ("at", "clocks", "rolling_shutter", "trusted_camera", "clocks_out", "curves", "preset", "subject")
     given = [f"--{word.replace('_', '-')}" for word in words if options[word]]
     if given:
         raise UsageError(f"--lag does not go with {' and '.join(given)}, which need the whole recording")

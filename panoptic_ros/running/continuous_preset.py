@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -14,10 +13,9 @@ from panoptic_ros.continuous.elhayek.passes import ElhayekPass
 from panoptic_ros.continuous.motion_result import ContinuousMotion
 from panoptic_ros.domain import ViewFrame
 from panoptic_ros.errors import UsageError
-from panoptic_ros.io.body_models import read_body_model, read_body_shape
 from panoptic_ros.io.kinematic_files import read_subject
-from panoptic_ros.running.continuous import ContinuousTask
-from panoptic_ros.stage import Progress, Recording, StageContext
+from panoptic_ros.running.continuous import ContinuousTask, with_segments
+from panoptic_ros.stage import Progress, Recording
 
 PRESET = "elhayek-2012"
 
@@ -46,21 +44,10 @@ def check_preset(options: Mapping[str, Any]) -> None:
     Raises:
         UsageError: naming the option.
     """
-    if options["subject"] and not options["preset"]:
-        raise UsageError(
-            f"--subject needs --preset {PRESET}: the curves of joints use no skeleton and learn bone lengths"
-        )
     if options["images"] and not options["preset"]:
         raise UsageError(f"--images needs --preset {PRESET}: the curves of joints use 2D people alone")
     if options["images"] and options["offsets"]:
         raise UsageError("--images does not go with --offsets, which corrects the timestamps of 2D people")
-
-
-def preset_context(context: StageContext) -> StageContext:
-    """Return the context with the default skeleton of segments and its shape."""
-    model = read_body_model()
-    extras = {**context.extras, "segments": model, "body_shape": read_body_shape(model)}
-    return replace(context, extras=extras)
 
 
 def solve_preset(
@@ -75,7 +62,7 @@ def solve_preset(
     Raises:
         UserError: if the rig, the recording, the subject or the images cannot be used.
     """
-    context = preset_context(task.context)
+    context = with_segments(task.context)
     known = None if subject is None else read_subject(subject, context.extras["segments"])
     work = ElhayekPass(task.config, context, known, images is not None)
     if images is None:

@@ -17,7 +17,7 @@ from panoptic_ros.evaluation.rig_check import check_rig
 from panoptic_ros.evaluation.rig_up import assumed_up
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.nodes import FUSION
-from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.graph.pipeline import REPAIRED, Pipeline
 from panoptic_ros.io.detector_context import bias_extras, noise_only
 from panoptic_ros.io.recorded_people import AUTO, read_people
 from panoptic_ros.params import Config, config_of
@@ -59,11 +59,13 @@ class SolveResult:
         poses: 3D poses of every instant.
         spent_ns: For every stage, the processing time of each of its inputs, ns.
         notices: Notices of all stages, in the order of their arrival.
+        rig: The rig with corrected cameras; None = no camera was corrected.
     """
 
     poses: Sequence[TrackedPoseSet]
     spent_ns: Mapping[str, Sequence[int]]
     notices: Sequence[Notice]
+    rig: Rig | None = None
 
 
 def read_task(
@@ -132,11 +134,12 @@ def solve(task: SolveTask, warnings: Sequence[Notice] = ()) -> SolveResult:
     poses: list[TrackedPoseSet] = []
     sets, notices = without_far_views(task.sets)
     spent: dict[str, list[int]] = {}
+    kept: dict[str, list[Any]] = {"skeletons": poses, REPAIRED: []}
     pipeline = Pipeline(
         task.configs,
         task.context,
-        FUSION,
-        on_record=lambda topic, record: poses.append(record) if topic == "skeletons" else None,
+        (*FUSION, "health"),
+        on_record=lambda topic, record: kept[topic].append(record) if topic in kept else None,
         on_notice=lambda stage, notice: notices.append(notice),
         on_step=lambda stage, ns: spent.setdefault(stage, []).append(ns),
         clock=time.perf_counter_ns,
@@ -148,4 +151,4 @@ def solve(task: SolveTask, warnings: Sequence[Notice] = ()) -> SolveResult:
     if (found := free_running(sets)) is not None:
         text = f"{found}; use `panoptic continuous` with the same --rig and --detections"
         notices.append(Notice("result.free_running", "warning", text))
-    return SolveResult(poses, spent, notices)
+    return SolveResult(poses, spent, notices, kept[REPAIRED][-1] if kept[REPAIRED] else None)

@@ -44,6 +44,7 @@ class BoardScene:
         lag_s: Largest offset, s, of a camera's images. jitter_s: Standard deviation, s, of random lags.
         lens: Lens of all cameras.
         outliers: Share of the corners that are wrong by up to 20 px.
+        all_round: Points are seen from all sides, as the markers of a wand; poses have any direction.
     """
 
     cameras: int
@@ -55,6 +56,7 @@ class BoardScene:
     jitter_s: float = 0.0
     lens: Literal["brown", "fisheye"] = "brown"
     outliers: float = 0.0
+    all_round: bool = False
 
 
 class SimulatedView(NamedTuple):
@@ -155,14 +157,14 @@ def _seen(
     middle = pose.apply(points.mean(axis=0))
     centre = camera.cam_from_world.inverse().translation
     towards = (centre - middle) / np.linalg.norm(centre - middle)
-    if -pose.rotation[:, 2] @ towards < STEEPEST:
+    if not scene.all_round and -pose.rotation[:, 2] @ towards < STEEPEST:
         return None
     pixels, front = camera.intrinsics.project(
         camera.cam_from_world.apply(pose.apply(points - points.mean(0)))
     )
     with np.errstate(invalid="ignore"):
         inside = front & ((pixels > 0.0) & (pixels < np.array(SIZE))).all(axis=1)
-    if inside.sum() < FEWEST:
+    if inside.sum() < min(FEWEST, len(points)):
         return None
     numbers = np.flatnonzero(inside)
     noisy = pixels[inside] + scene.noise_px * rng.standard_normal((len(numbers), 2))

@@ -62,7 +62,7 @@ class Simulation:
         for index, views in self.sightings():
             stamps = self.schedule.stamps[index]
             seen = [
-                _view(camera.name, camera.image_size, index, self.stamp_ns(k, stamp), view, skeleton_hash)
+                view_of(camera.name, camera.image_size, index, self.stamp_ns(k, stamp), view, skeleton_hash)
                 for k, (camera, stamp, view) in enumerate(zip(self.rig.cameras, stamps, views))
                 if not np.isnan(stamp)
             ]
@@ -154,9 +154,10 @@ def _with_clocks(rig: Rig, generators: Sequence[Generator]) -> Rig:
     return replace(rig, cameras=tuple(replace(c, clock=name) for c, name in zip(rig.cameras, clocks)))
 
 
-def _view(
+def view_of(
     camera: str, image_size: tuple[int, int], index: int, stamp_ns: int, view: Sightings, skeleton_hash: str
 ) -> ViewDetections:
+    """Return the sightings of a camera as a record of its detector."""
     found = (view.scores > 0.0).sum(1)
     mean = view.scores.sum(1) / np.maximum(found, 1)
     return ViewDetections(camera, stamp_ns, index, image_size, skeleton_hash, view.points, view.scores, mean)

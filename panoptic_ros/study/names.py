@@ -36,9 +36,17 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
         "calibration.boards:Calibration",
         "cameras from simulated recordings of a board: errors beside the Cramer-Rao bound, time",
     ),
+    "calibration-people": (
+        "calibration.people:CalibrationPeople",
+        "cameras from people who walk, simulated or recorded: errors beside predicted ones, clocks, time",
+    ),
     "calibration-sessions": (
         "calibration.sessions:CalibrationSessions",
         "cameras from recorded corners of a board, scored on corners that are left out",
+    ),
+    "camera-health": (
+        "calibration.camera_health:CameraHealth",
+        "cameras that turn or zoom while people walk: delay of the alarm, false alarms, error after repair",
     ),
     "cameras": (
         "rigs.cameras:Cameras",

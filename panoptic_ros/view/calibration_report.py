@@ -108,19 +108,16 @@ def report_page(
         lines: doubts and notices.
         pictures: file name of the picture of each camera.
     """
-    names = [camera.name for camera in quality.cameras]
-    linked = [
-        (names[a], *(str(links.get((min(a, b), max(a, b)), 0)) if a != b else "" for b in range(len(names))))
-        for a in range(len(names))
-    ]
+    linked = link_rows(quality, links)
     parts = [
         "<!doctype html><meta charset=utf-8><title>Calibration</title>",
         f"<style>{STYLE}</style><h1>Calibration</h1><p>{html.escape(prediction(quality))}</p>",
         "<h2>To improve</h2><ul>" + "".join(f"<li>{html.escape(line)}</li>" for line in lines) + "</ul>"
         if lines
         else "<p>All limits of a good calibration hold.</p>",
-        "<h2>Cameras</h2>" + _table(HEAD, quality_rows(quality)),
-        "<h2>Instants in which two cameras see the board</h2>" + _table(("", *names), linked),
+        "<h2>Cameras</h2>" + html_table(HEAD, quality_rows(quality)),
+        "<h2>Instants in which two cameras see the board</h2>",
+        html_table(("", *(row[0] for row in linked)), linked),
         f"<h2>Corners (green) and residuals (red, {MAGNIFIED} times)</h2>",
         *(
             f'<figure><img src="{html.escape(file)}" alt="">'
@@ -131,7 +128,17 @@ def report_page(
     return "\n".join(parts) + "\n"
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def link_rows(quality: Quality, links: Mapping[tuple[int, int], int]) -> list[tuple[str, ...]]:
+    """Return the rows of the table of links between cameras, as text."""
+    names = [camera.name for camera in quality.cameras]
+    return [
+        (names[a], *(str(links.get((min(a, b), max(a, b)), 0)) if a != b else "" for b in range(len(names))))
+        for a in range(len(names))
+    ]
+
+
+def html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table as HTML."""
     lines = ["".join(f"<th>{html.escape(cell)}</th>" for cell in head)]
     lines += ["".join(f"<td>{html.escape(cell)}</td>" for cell in row) for row in rows]
     return "<table>" + "".join(f"<tr>{line}</tr>" for line in lines) + "</table>"

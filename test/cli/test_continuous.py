@@ -17,11 +17,13 @@ import cv2
 import numpy as np
 import pytest
 from free_cameras import START_NS, FreeCapture
-from hinged_people import HingedCapture, painted
+from hinged_people import BODIES, HingedCapture, painted
 
 from panoptic_ros.cli.main import main
 from panoptic_ros.domain import DetectionSet, Rig
+from panoptic_ros.domain.subjects import Subject
 from panoptic_ros.io.bags import BagWriter
+from panoptic_ros.io.kinematic_files import subject_document
 from panoptic_ros.io.messages import bag_messages, to_message
 from panoptic_ros.io.plain_formats import read_skeletons, write_detections
 from panoptic_ros.io.rigs import write_rig
@@ -97,7 +99,9 @@ def test_folder_file_and_bag_give_the_same_bytes(
         (["FOLDER", "--curves", "OUT"], "--out and --curves name the same file"),
         (["FOLDER", "--curves", "x", "--clocks-out", "./x"], "--clocks-out and --curves name the same"),
         (["FOLDER", "--preset", "fast"], "'fast' (choose from 'elhayek-2012')"),
-        (["FOLDER", "--subject", "FOLDER/rig.json"], "--subject needs --preset elhayek-2012"),
+        (["FOLDER", "--subject", "FOLDER/rig.json"], "is not a panoptic-subject-1"),
+        (["FOLDER", "--subject", "FOLDER/none.json"], "FOLDER/none.json"),
+        (["FOLDER", "--subject", "FOLDER/rig.json", "--lag", "0.1"], "--lag does not go with --subject"),
         (
             ["FOLDER", "--preset", "elhayek-2012", "--subject", "FOLDER/rig.json"],
             "is not a panoptic-subject-1",
@@ -144,6 +148,35 @@ def test_the_preset_follows_people_by_2d_joints_and_by_images_alone(tmp_path: Pa
         assert len(gaps) == len(found) - 30
         errors.append(np.linalg.norm(gaps, axis=-1).mean())
     assert errors[0] < 0.006 and errors[1] < 0.03
+
+
+def test_a_subject_keeps_its_bones_and_everybody_else_stays(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    capture = HingedCapture(cameras=5, seconds=1.0)
+    folder, found = write(tmp_path / "c", capture.rig, capture.sets), []
+    start = capture.joints(0.0)[1].mean(axis=0)
+    for number, body in enumerate(BODIES):
+        document = subject_document(Subject(number, body, start=start, stature=1.8))
+        (tmp_path / f"{number}.json").write_text(json.dumps(document))
+    capsys.readouterr()
+    for more in ((), ("--subject", tmp_path / "1.json", "--curves", tmp_path / "c.npz")):
+        assert run(tmp_path, folder, *more) == 0
+        found.append(read_skeletons(tmp_path / "s.json.gz").frames)
+    assert "warning" not in capsys.readouterr().err
+    same, spreads = [], []
+    with np.load(tmp_path / "c.npz") as curves:
+        points = [curves[f"points_{k}"] for k in range(2)]
+    assert len(points[0]) != len(points[1])  # the curves of the subject have finer knots
+    for k in range(2):
+        before, after = (np.array([frame.positions[k] for frame in frames[20:-20]]) for frames in found)
+        same.append(np.array_equal(before, after))
+        spreads.append(np.linalg.norm(after[:, 3] - after[:, 4], axis=1).std())  # left upper arm
+    assert sorted(same) == [False, True]
+    assert spreads[same.index(False)] < 1e-4 < spreads[same.index(True)]
+    assert run(tmp_path, folder, "--subject", tmp_path / "0.json") == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "the bones of subject 0 miss its joints by" in line
 
 
 def test_images_go_through_the_detector_or_name_what_is_missing(

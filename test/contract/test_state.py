@@ -104,6 +104,7 @@ ANOTHER = {
     "timecode": {"agreeing_words": 5},
     "clocks": {"window_s": 3.0},
     "detection": {"input_side": 128},
+    "health": {"memory_s": 30.0},
     "offsets": {"memory_s": 30.0},
     "continuous": {"lag": 0.2},
     "sync": {"queue_limit": 99},

@@ -16,6 +16,7 @@ STAGES = (
     "voting",
     "assembly",
     "tracking",
+    "health",
     "appearance",
     "patches",
     "refinement",

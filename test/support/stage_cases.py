@@ -11,6 +11,7 @@ from typing import Any
 import captures
 import numpy as np
 import patch_scene
+import walkers
 from blobs import JOINT_MAP, SKELETON, Blobs
 
 from panoptic_ros.detection.model import DetectorModel
@@ -511,6 +512,7 @@ def cases():
         "continuous": lambda: Case(
             "continuous", {"active": True, "rate_hz": 20.0}, odd_free_views(), free_views(9, 300)
         ),
+        "health": lambda: Case("health", {"repair": True}, walkers.walked(), walkers.walk(2, start_s=3.0)),
         "offsets": lambda: Case("offsets", {"active": True, "block_s": 0.5}, motion(), motion(20)),
         **{
             f"sync-{kind}": lambda values=values: Case("sync", values, disturbed(), views(9, start=300)[::-1])
@@ -572,6 +574,7 @@ NAMES = (
     "detection",
     "detection-looks",
     "continuous",
+    "health",
     "offsets",
     "sync-replay",
     "sync-live",

@@ -203,6 +203,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="estimate the cameras' clocks from their sound, and correct timestamps",
     )
     add_apart_option(parser)
+    parser.add_argument(
+        "--repair",
+        action="store_true",
+        help="correct cameras that turn or zoom during the run; the corrected rig is in rig_repaired.json",
+    )
     add_parameter_options(parser)
 
 

@@ -26,8 +26,9 @@ def make_plan(args: argparse.Namespace) -> Plan:
         UserError: on any error that the user can correct, before anything has started.
     """
     preset = read_preset(args.preset)
+    settings = [*args.settings, *(["health.repair=true"] if args.repair else [])]
     options = RunOptions(
-        read_parameters(args.config, args.settings, preset.parameters),
+        read_parameters(args.config, settings, preset.parameters),
         args.model or "",
         args.skeleton,
         preset.skeleton or DEFAULT_SKELETON,

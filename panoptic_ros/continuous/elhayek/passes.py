@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from panoptic_ros.continuous.config import ContinuousConfig
+from panoptic_ros.continuous.designated import designated
 from panoptic_ros.continuous.elhayek.body import first_poses, misfits_of, skeleton_from, usable
 from panoptic_ros.continuous.elhayek.body_blobs import TimedBlobs, body_blobs, coloured
 from panoptic_ros.continuous.elhayek.curve import person_curve
@@ -24,7 +25,7 @@ from panoptic_ros.domain.body_shape import BodyShape
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import Subject
-from panoptic_ros.errors import DataError, UsageError
+from panoptic_ros.errors import DataError
 from panoptic_ros.stage import Progress, Recording, StageContext, part_of
 
 Array = np.ndarray
@@ -75,26 +76,16 @@ class ElhayekPass:
             UsageError: if it is not clear who the subject is.
         """
         motion = self._curves.run(recording, part_of(progress, 0.0, FOLLOWED))
-        length, designated = FRAMES * slowest_period(motion.people), self._designated(motion.people)
+        length = FRAMES * slowest_period(motion.people)
+        chosen = -1 if self._subject is None else designated(self._subject, motion.people)
         images = self._images(recording, motion) if self._shape else []
         share, people = part_of(progress, FOLLOWED, 1.0), []
         for k, person in enumerate(motion.people):
             own = part_of(share, k / len(motion.people), (k + 1) / len(motion.people))
-            subject = self._subject if k == designated else None
+            subject = self._subject if person.id == chosen else None
             people.append(self._person(person, length, subject, images, own))
         progress(1.0, "fitting segments")
         return replace(motion, people=tuple(people))
-
-    def _designated(self, people: Sequence[PersonCurve]) -> int:
-        """Return the index of the subject: the only person, or the nearest one to its start; -1 = none."""
-        if self._subject is None or not people:
-            return -1
-        if self._subject.start is None:
-            if len(people) > 1:
-                raise UsageError(f"{len(people)} people are there; state the subject's start in its file")
-            return 0
-        places = [np.nanmedian(person.at(person.seen[:1])[0], axis=0) for person in people]
-        return int(np.argmin(np.linalg.norm(np.array(places) - self._subject.start, axis=1)))
 
     def _images(self, recording: Recording, motion: ContinuousMotion) -> list[TimedBlobs]:
         """Return the blobs of all images, ordered by time."""

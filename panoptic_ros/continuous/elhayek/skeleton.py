@@ -30,13 +30,15 @@ class Freedom(NamedTuple):
         segments: segments that it turns, each by the same share of the angle.
         axis: (3,) unit vector in the frame of the joint before this rotation.
         limits: (rad, rad), or None = those of the segment model about this axis.
-        elevates: whether it moves an upper arm away from the pole of its shoulder.
+        elevates: True if it moves an upper arm away from its pole.
+        bends: True for elbows and knees. The previous degree of freedom turns that limb about its upper bone.
     """
 
     segments: tuple[str, ...]
     axis: Array
     limits: tuple[float, float] | None = None
     elevates: bool = False
+    bends: bool = False
 
 
 class PlacedSkeleton(NamedTuple):
@@ -73,6 +75,7 @@ class HingeSkeleton:
         site_offsets: (J, 3) m in the frames of these segments.
         above: (S, P) True where a joint parameter moves a segment.
         elevations: degrees of freedom of the shoulders that lift the arms.
+        bends: degrees of freedom of elbows and knees. The one before turns the limb about its upper bone.
     """
 
     parents: Array
@@ -85,6 +88,7 @@ class HingeSkeleton:
     site_offsets: Array
     above: Array
     elevations: tuple[int, ...]
+    bends: tuple[int, ...]
 
     @property
     def freedoms(self) -> int:
@@ -179,6 +183,7 @@ def skeleton_of(body: SegmentedBody, joint_names: Iterable[str]) -> HingeSkeleto
         site_offsets,
         above,
         tuple(3 + d for d, row in enumerate(rows) if row.elevates),
+        tuple(3 + d for d, row in enumerate(rows) if row.bends),
     )
 
 
@@ -195,9 +200,9 @@ def freedoms_of(model: SegmentModel) -> list[Freedom]:
     rows += [Freedom(("neck", "head"), axis) for axis in (Z, Y, X)]
     for side, sign in (("l", 1.0), ("r", -1.0)):
         rows += _shoulder(side, sign)
-        rows += [Freedom((f"{side}Forearm",), Z)]
+        rows += [Freedom((f"{side}Forearm",), Z, bends=True)]
         rows += [Freedom((f"{side}Thigh",), axis) for axis in (Y, X, Z)]
-        rows += [Freedom((f"{side}Shin",), Y)]
+        rows += [Freedom((f"{side}Shin",), Y, bends=True)]
         rows += [Freedom((f"{side}Foot",), axis) for axis in (Y, Z)]
     missing = sorted({s for row in rows for s in row.segments} - set(model.names))
     if missing or not spine:

@@ -64,7 +64,7 @@ class CollectorNode(Node):
         for subscription in self._kept:
             self._open.add(subscription.topic_name)
             self._ends.watch(subscription.topic_name)
-        self._kept.append(self._subscribe("clock_models", ""))  # has no end
+        self._kept += [self._subscribe(key, "") for key in ("clock_models", "repaired_rig")]  # have no end
         # the run does not wait for their end
         self._kept += [self._subscribe("preview", camera) for camera in cameras]
         self._kept.append(

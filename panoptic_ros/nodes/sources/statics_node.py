@@ -26,16 +26,27 @@ class StaticsNode(Node):
     """Node that publishes rig, skeleton model and, if tf2_msgs is installed, /tf_static.
 
     The node also keeps the states of stages and publishes the health of the whole graph on /diagnostics.
+
+    Args:
+        live: Whether a corrected rig becomes the new /rig. In replay, every process keeps its rig until the
+            end, because the time of a change would depend on the machine.
     """
 
     fault = None
     healthy = True
 
-    def __init__(self, rig: Rig, skeleton: SkeletonModel, name: str = "rig"):
+    def __init__(self, rig: Rig, skeleton: SkeletonModel, name: str = "rig", live: bool = True):
         super().__init__(name)
         self._kept = [
             self._latch(key, record) for key, record in (("rig", rig), ("skeleton_model", skeleton))
         ]
+        if live:
+            repaired = TOPICS["repaired_rig"]
+            self._kept.append(
+                self.create_subscription(
+                    message_class(repaired.message), repaired.name, self._kept[0].publish, LATCHED
+                )
+            )
         self._publish_transforms(rig)
         self._keeper = StateKeeper(self, NODES)
         self._graph = GraphHealth()

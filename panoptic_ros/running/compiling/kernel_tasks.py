@@ -13,6 +13,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache, partial
 
 import numpy as np
@@ -25,13 +26,16 @@ from panoptic_ros.calibration.solve import calibrate_rig
 from panoptic_ros.calibration.target_views import TargetView
 from panoptic_ros.continuous.config import ContinuousConfig
 from panoptic_ros.continuous.passes import ContinuousPass
+from panoptic_ros.continuous.subjects.passes import SubjectPass
 from panoptic_ros.detection.stage import warm_up as detection
 from panoptic_ros.domain import Occluders
+from panoptic_ros.domain.subjects import Subject
 from panoptic_ros.geometry.symmetric import largest_eigenvalue
 from panoptic_ros.graph.build import configure, make_stage, resolve
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.recording import InMemoryRecording
 from panoptic_ros.io.body_context import body_extras
+from panoptic_ros.io.body_models import read_body_model
 from panoptic_ros.kernels import on_compilation
 from panoptic_ros.simulation import SKELETON, Ring, SimulatedScene, Simulation, simulate
 from panoptic_ros.simulation.board_sessions import BoardScene, simulate_board
@@ -60,6 +64,11 @@ def _continuous() -> None:
     context = StageContext(take.rig, SKELETON)
     recording = InMemoryRecording({"detection_sets": tuple(take.detection_sets())})
     ContinuousPass(ContinuousConfig(clocks=True, rolling_shutter=True), context).run(recording, untold)
+    model = read_body_model()
+    subject = Subject(0, model.body(take.people[0].body.height), measured=False)
+    SubjectPass(ContinuousConfig(), replace(context, extras={"segments": model}), subject).run(
+        recording, untold
+    )
 
 
 def _calibration() -> None:
@@ -99,6 +108,7 @@ TASKS: dict[str, Callable[[], None]] = {
     "refinement": partial(_stage, "refinement"),
     "exact votes": partial(_stage, "voting", method="exact", parts=True),
     "tracking": partial(_stage, "tracking"),
+    "health": partial(_stage, "health"),
     "kinematics": _kinematics,
     "continuous": _continuous,
     "calibration": _calibration,

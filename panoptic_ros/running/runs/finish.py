@@ -93,6 +93,7 @@ TOLD = (
     "clocks.",
     "sync.clock_",
     "kinematics.",
+    "health.",
     "graph.lossy",
     "graph.incompatible_qos",
     "graph.unusable",

@@ -85,7 +85,7 @@ def _run(
                     partial(check_record, plan),
                 )
                 nodes += [collector]
-                nodes += [StaticsNode(plan.rig, plan.skeleton)]
+                nodes += [StaticsNode(plan.rig, plan.skeleton, live=plan.live)]
                 for node in nodes:
                     executor.add_node(node)
                 if plan.live:

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Protocol
 
-from panoptic_ros.domain import ClockModel, PoseSet, RefinedPoseSet, ViewDetections
+from panoptic_ros.domain import ClockModel, PoseSet, RefinedPoseSet, Rig, ViewDetections
 from panoptic_ros.errors import ContractError, DataError, PanopticError
 from panoptic_ros.evaluation.body_tally import BodyTally
 from panoptic_ros.graph.topics import TOPICS, owner_of
@@ -22,6 +22,7 @@ from panoptic_ros.io.messages.family import bag_typestore
 from panoptic_ros.io.messages.markers import marker_array
 from panoptic_ros.io.plain_formats import SkeletonStream
 from panoptic_ros.io.previews import Previews
+from panoptic_ros.io.rigs import write_rig
 from panoptic_ros.params import config_of
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.stamps.delays import NO_DELAY, delay_of, named_delays
@@ -31,8 +32,9 @@ from panoptic_ros.view.body_drawing import DrawnBody, drawn_bodies
 KEPT_LIVE = 3600  # instants that the report of a live run covers, as the run has no end; 2 min
 KEPT_FREE = 2_000_000  # bytes that a live take leaves free on the disk, for the index of its bag (one hour)
 BAG, SKELETONS, BODIES, CLOCKS = RESULT_BAG, "skeletons.json.gz", "kinematics.json.gz", "offsets.json"
+REPAIRED = "rig_repaired.json"
 # files and folders that a run writes before its end
-MADE = (BAG, SKELETONS, BODIES, CLOCKS, "rig.json", "launch.json", "occluders.json", "logs")
+MADE = (BAG, SKELETONS, BODIES, CLOCKS, REPAIRED, "rig.json", "launch.json", "occluders.json", "logs")
 
 
 class BagSink(Protocol):
@@ -164,6 +166,7 @@ class Results:
         self.bodies = BodyTally()
         self.drawn: deque[DrawnBody] = deque(maxlen=kept if pictures else 0)
         self.clocks: dict[str, ClockModel] = {}  # newest model of every clock that was found
+        self.repaired: Rig | None = None  # the newest corrected rig
         self._plan = plan
         self._on_record = on_record
         self._take_bag = TakeBag(folder / BAG, self._sync) if plan.live else None
@@ -183,6 +186,8 @@ class Results:
                 self.take("preview", preview)
         elif key == "clock_models":
             self.clocks[record.device] = record
+        elif key == "repaired_rig":
+            self.repaired = record
         elif is_kept(self._plan.configs, key):
             self._keep(key, record)
         if key == "detections":
@@ -236,6 +241,8 @@ class Results:
         self._start(0)
         with ExitStack() as stack:  # closes each file, even if another one fails
             stack.callback(self._write_clocks)
+            if self.repaired is not None:
+                stack.callback(write_rig, self.folder / REPAIRED, self.repaired)
             if self._bodies is not None:
                 stack.callback(self._bodies.close)
             stack.callback(self._skeletons.close)

@@ -61,6 +61,8 @@ class Continuous(Study):
         Column("p95_m", "95 %", ".1f", 1e3),
         Column("mean_ratio", "mean / ref.", ".2f"),
         Column("last_ratio", "last / ref.", ".2f"),
+        Column("acceleration_error", "m/s2", ".1f"),
+        Column("bone_spread_m", "bones mm", ".2f", 1e3),
         Column("output", "output", ".1%"),
         Column("in_ellipsoid", "in ellipsoid", ".1%"),
         Column("in_ellipsoid_last", "last", ".1%"),
@@ -172,6 +174,9 @@ class Continuous(Study):
             "`elhayek`: `panoptic continuous --preset elhayek-2012`, polynomials of degree "
             f"{DEGREE} of joint angles.\n"
             f"`images`: with --images, degree {IMAGE_DEGREE}: blobs of images instead of 2D joints.\n"
+            "`subject`: `panoptic continuous --subject`, curves of joint angles of the first person, bones "
+            "fitted.\n"
+            "`m/s2`: mean error of second differences. `bones`: spread of the lengths of limbs over time.\n"
             "Unknown clocks and line delays (cases `clocks`, `shutter`, `both`, `still`) are estimated by "
             "`continuous` only.\n"
             "`z2`: mean square of errors in standard deviations; errors are those of observable values.\n"

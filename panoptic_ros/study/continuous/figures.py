@@ -21,35 +21,46 @@ SKIPPED_S = 0.3  # s after a person enters and before it leaves, without a score
 LINGER_S = 0.5  # s before a person enters and after it leaves, in which output of it is not a fault
 LAST = 0.75  # share of the capture after which the last quarter begins
 MIXED_S = 0.3  # s with a second true person from which an id follows two people
+LIMBS = tuple(  # pairs of joints whose distance is a bone
+    (JOINTS.index(side + first), JOINTS.index(side + second))
+    for side in "lr"
+    for limb in (("Shoulder", "Elbow", "Wrist"), ("Hip", "Knee", "Ankle"))
+    for first, second in pairwise(limb)
+)
 SPEED_STEP_S = 1e-3  # s, step of the difference that gives true speeds
 
 
 def figures_of(capture: FreeRunningCapture, times: Array, frames: Sequence[SkeletonFrame]) -> dict[str, Any]:
     """Score people at instants (T,) s against the truth.
 
-    Returns: errors in m; `missing_s` is the longest time (s) of a present person without a result within
-        `evaluation.pairing.FOUND`; `false_s` is the summed time (s) of people in the result
-        at whose place there is no true person.
+    Returns: errors in m and m/s^2; `bone_spread_m` is the standard deviation (m) of the length of a limb over
+        time, a mean over limbs and people; `missing_s` is the longest time (s) of a present person without a
+        result within `evaluation.pairing.FOUND`; `false_s` is the summed time (s) of people in the result at
+        whose place there is no true person.
     """
     pairs = pair_sequences(truth_at(capture, times), SkeletonSequence(JOINTS, tuple(frames)))
     present, scored = capture.present(times), _scored(capture, times)
     step = 0.5 * SPEED_STEP_S
+    joints = capture.joints(times)
     motion = capture.joints(times + step) - capture.joints(times - step)
     speeds = np.linalg.norm(motion, axis=-1) / SPEED_STEP_S
     errors = np.full(speeds.shape, np.nan)
     squares = np.full(speeds.shape, np.nan)
+    places = np.full(joints.shape, np.nan)
     found = np.zeros(present.shape, bool)
     ids: dict[int, Counter[int]] = {}
     for t, pair in enumerate(pairs):
         for (row, column), gaps, near in zip(pair.matches.tolist(), pair.distances, pair.found):
             who = int(pair.truth_ids[row])
             errors[who, t] = gaps
+            places[who, t] = pair.result[column]
             found[who, t] = near
             ids.setdefault(who, Counter())[int(pair.result_ids[column])] += 1
             squares[who, t] = squared_distances(
                 pair.result[column] - pair.truth[row], pair.covariances[column]
             )
-    errors[~scored], squares[~scored] = np.nan, np.nan
+    for values in (errors, squares, places):
+        values[~scored] = np.nan
     last = errors[:, times >= LAST * capture.scene.seconds]
     interval = float(np.median(np.diff(times)))
     return {
@@ -57,6 +68,8 @@ def figures_of(capture: FreeRunningCapture, times: Array, frames: Sequence[Skele
         "last_m": _mean(last),
         "p95_m": float(np.nanpercentile(errors, 95)) if np.isfinite(errors).any() else np.nan,
         "by_speed_m": [_mean(errors[(speeds >= low) & (speeds < high)]) for low, high in pairwise(SPEEDS)],
+        "acceleration_error": _mean(_bends(places - joints, interval)),
+        "bone_spread_m": _bone_spread(places),
         "output": float(np.isfinite(errors[scored]).mean()),
         "in_ellipsoid": _share(squares),
         "in_ellipsoid_last": _share(squares[:, times >= LAST * capture.scene.seconds]),
@@ -66,6 +79,20 @@ def figures_of(capture: FreeRunningCapture, times: Array, frames: Sequence[Skele
         "missing": float((present & ~found).sum() / present.sum()),
         **_false(pairs, interval),
     }
+
+
+def _bends(values: Array, interval: float) -> Array:
+    """Return the norms (P, T - 2, J) of the second differences of values (P, T, J, 3), per s^2."""
+    bends: Array = np.linalg.norm(np.diff(values, 2, axis=1), axis=-1) / interval**2
+    return bends
+
+
+def _bone_spread(places: Array) -> float:
+    """Return the mean standard deviation (m) of the lengths of limbs over time, from joints (P, T, J, 3)."""
+    first, second = np.array(LIMBS).T
+    lengths = np.linalg.norm(places[:, :, first] - places[:, :, second], axis=-1).swapaxes(1, 2)
+    spreads = [np.nanstd(own) for own in lengths.reshape(-1, lengths.shape[-1]) if np.isfinite(own).any()]
+    return float(np.mean(spreads)) if spreads else np.nan
 
 
 def truth_at(capture: FreeRunningCapture, times: Array) -> SkeletonSequence:

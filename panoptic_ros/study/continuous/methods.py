@@ -14,15 +14,17 @@ from panoptic_ros.continuous.config import ContinuousConfig
 from panoptic_ros.continuous.elhayek.passes import ElhayekPass
 from panoptic_ros.continuous.motion_result import ContinuousMotion
 from panoptic_ros.continuous.passes import ContinuousPass
+from panoptic_ros.continuous.subjects.passes import SubjectPass
 from panoptic_ros.domain import DetectionSet, ViewDetections, ViewFrame
+from panoptic_ros.domain.subjects import Subject
 from panoptic_ros.evaluation import SkeletonFrame
 from panoptic_ros.geometry.triangulation import triangulate_robust
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.pipeline import records_of
 from panoptic_ros.graph.recording import InMemoryRecording
-from panoptic_ros.running.continuous import ContinuousTask
+from panoptic_ros.running.continuous import ContinuousTask, with_segments
 from panoptic_ros.running.continuous_online import solve_online
-from panoptic_ros.running.continuous_preset import RecordingWithImages, preset_context
+from panoptic_ros.running.continuous_preset import RecordingWithImages
 from panoptic_ros.simulation.detector import Sightings
 from panoptic_ros.simulation.free_running import START_NS, FreeRunningCapture, TimedView, owners_of
 from panoptic_ros.simulation.rendering.renderer import Studio
@@ -143,8 +145,21 @@ def continuous(case: CaptureUnderTest) -> MotionResult:
 
 def elhayek(case: CaptureUnderTest, images: bool = False) -> MotionResult:
     """Fit polynomials of joint angles, as `panoptic continuous --preset elhayek-2012` does."""
-    context = preset_context(StageContext(case.capture.rig, SKELETON))
+    context = with_segments(StageContext(case.capture.rig, SKELETON))
     return _whole(case, ElhayekPass(case.config, context, images=images))
+
+
+def subject(case: CaptureUnderTest) -> MotionResult:
+    """Fit curves of joint angles to the first person, as `panoptic continuous --subject` does.
+
+    The file states the stature and the start, so that bones are fitted.
+    """
+    context = with_segments(StageContext(case.capture.rig, SKELETON))
+    person, begin = case.capture.people[0], case.times[:1]
+    body = context.extras["segments"].body(person.body.height)
+    start = case.capture.joints(begin)[0, 0].mean(axis=0)
+    known = Subject(0, body, start=start, measured=False, stature=person.body.height)
+    return _whole(case, SubjectPass(case.config, context, known))
 
 
 def online(case: CaptureUnderTest, lag: float) -> MotionResult:
@@ -170,7 +185,9 @@ METHODS: dict[str, Callable[[CaptureUnderTest], MotionResult]] = {
 
 
 OF_CASE = {  # methods by case; the others have `METHODS`
-    "faster": METHODS | {"elhayek": elhayek},
+    "faster": METHODS | {"elhayek": elhayek, "subject": subject},
+    "staggered": METHODS | {"subject": subject},
+    "free": METHODS | {"subject": subject},
     "rendered": METHODS | {"elhayek": elhayek, "images": partial(elhayek, images=True)},
 }
 

@@ -1,0 +1,1 @@
+"""Compare cameras with their own past during tracking, and name those that were turned or zoomed."""

@@ -1,0 +1,156 @@
+"""Change of each camera against its own past, from sums of normal equations.
+
+Detectors are biased, so the parameters that fit a camera best are not zero. The bias persists while the same
+people walk in the same space. So the newest evidence is compared with that of the camera's own past.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+Array = np.ndarray
+PARAMETERS = 4  # rotation (rad), logarithm of the focal length
+BLOCK_FRAMES = 3  # frames of a block
+BLOCK_S = 0.6  # s of walking in a block
+WINDOW = 5  # blocks of a window: 3 s of walking
+OLDER, NEWER, ALL = slice(0, WINDOW), slice(WINDOW, None), slice(None)  # parts of the newest blocks
+LOOKS = 2.0  # windows of past that a comparison needs
+TURN, ZOOM = (0, 1, 2), (3,)  # parameters of the two kinds of changes
+# Prior standard deviations: 1 deg and 3 % of the focal length. They bound estimates of a narrow view.
+PRIOR = 1.0 / np.array([0.0175, 0.0175, 0.0175, 0.03]) ** 2
+
+
+class NormalEquations(NamedTuple):
+    """Normal equations (4, 4), (4,) of a camera's parameters."""
+
+    normal: Array
+    vector: Array
+
+    def solution(self, kind: tuple[int, ...], spread: float | None = None) -> Array:
+        """Return the parameters (K,) of one kind, the others being 0.
+
+        Args:
+            spread: Prior standard deviation of all of them; None = that of `PRIOR`.
+        """
+        chosen = list(kind)
+        prior = PRIOR[chosen] if spread is None else np.full(len(chosen), spread**-2.0)
+        solution: Array = np.linalg.solve(
+            self.normal[np.ix_(chosen, chosen)] + np.diag(prior), self.vector[chosen]
+        )
+        return solution
+
+    def gain(self, kind: tuple[int, ...]) -> float:
+        """Return the decrease of the squared residuals by the solution of one kind."""
+        return float(self.vector[list(kind)] @ self.solution(kind))
+
+
+SUMS = "normals vectors frames block_normals block_vectors blocks past_normals past_vectors looks expected"
+
+
+class PastSums:
+    """Sums of normal equations of C cameras: in the current block, in the newest blocks, and of the past."""
+
+    def __init__(self, cameras: int):
+        self.normals = np.zeros((cameras, PARAMETERS, PARAMETERS))  # current block
+        self.vectors = np.zeros((cameras, PARAMETERS))
+        self.frames = np.zeros(cameras, np.int64)
+        self.block_normals = np.zeros((cameras, 2 * WINDOW, PARAMETERS, PARAMETERS))  # newest last
+        self.block_vectors = np.zeros((cameras, 2 * WINDOW, PARAMETERS))
+        self.blocks = np.zeros(cameras, np.int64)
+        self.past_normals = np.zeros((cameras, PARAMETERS, PARAMETERS))
+        self.past_vectors = np.zeros((cameras, PARAMETERS))
+        self.looks = np.zeros(cameras)  # windows behind the past
+        self.expected = np.zeros((cameras, PARAMETERS))  # parameters that fit the newest blocks
+
+    def close(self, keep: float) -> list[int]:
+        """End the blocks that are complete, and return their cameras.
+
+        Args:
+            keep: Weight that the past keeps per block.
+        """
+        full = np.flatnonzero(self.frames >= BLOCK_FRAMES).tolist()
+        for c in full:
+            if self.blocks[c] == 2 * WINDOW:
+                self.past_normals[c] = keep * self.past_normals[c] + self.block_normals[c, 0] / WINDOW
+                self.past_vectors[c] = keep * self.past_vectors[c] + self.block_vectors[c, 0] / WINDOW
+                self.looks[c] = keep * self.looks[c] + 1.0 / WINDOW
+            self.block_normals[c, :-1] = self.block_normals[c, 1:].copy()
+            self.block_vectors[c, :-1] = self.block_vectors[c, 1:].copy()
+            self.block_normals[c, -1] = self.normals[c] / self.frames[c]
+            self.block_vectors[c, -1] = self.vectors[c] / self.frames[c]
+            self.blocks[c] = min(self.blocks[c] + 1, 2 * WINDOW)
+            self.normals[c], self.vectors[c], self.frames[c] = 0.0, 0.0, 0
+            normal = self.block_normals[c].sum(axis=0) / WINDOW + np.diag(PRIOR)
+            self.expected[c] = np.linalg.solve(normal, self.block_vectors[c].sum(axis=0) / WINDOW)
+        return full
+
+    def restart(self, camera: int) -> None:
+        """Forget the newest evidence of a camera, but not its past."""
+        self.normals[camera], self.vectors[camera], self.frames[camera] = 0.0, 0.0, 0
+        self.block_normals[camera], self.block_vectors[camera], self.blocks[camera] = 0.0, 0.0, 0
+
+    @property
+    def ready(self) -> Array:
+        """Return which cameras (C,) have two windows and a past."""
+        ready: Array = (self.blocks == 2 * WINDOW) & (self.looks >= LOOKS)
+        return ready
+
+    def difference(self, camera: int, blocks: slice) -> NormalEquations:
+        """Return the normal equations of the change of a camera in some of the newest blocks.
+
+        The parameters of the past are eliminated.
+        """
+        normal = self.block_normals[camera, blocks].mean(axis=0)
+        vector = self.block_vectors[camera, blocks].mean(axis=0)
+        both = normal + self.past_normals[camera] + np.diag(PRIOR)
+        share = np.linalg.solve(both, normal).T
+        return NormalEquations(normal - share @ normal, vector - share @ (vector + self.past_vectors[camera]))
+
+    def gains(self) -> Array:
+        """Return the decrease (C,) of the squared residuals by a change of each camera in both windows.
+
+        It is 0 for a camera that is not ready.
+
+        The unit is the variance of a joint in one window, so a bias of the detector that differs between
+        joints counts as noise.
+        """
+        normal, vector = self.block_normals.mean(axis=1), self.block_vectors.mean(axis=1)[..., None]
+        both = normal + self.past_normals + np.diag(PRIOR)
+        share = np.linalg.solve(both, normal).swapaxes(1, 2)
+        left = vector - share @ (vector + self.past_vectors[..., None])
+        right = normal - share @ normal + np.diag(PRIOR)
+        turn = (left[:, :3] * np.linalg.solve(right[:, :3, :3], left[:, :3])).sum(axis=(1, 2))
+        zoom = left[:, 3, 0] ** 2 / right[:, 3, 3]
+        gains: Array = np.where(self.ready, np.maximum(turn, zoom), 0.0)
+        return gains
+
+
+class CameraChange(NamedTuple):
+    """Change of a camera against its past, by the more likely of two kinds.
+
+    Args:
+        is_zoom: Whether the focal length has changed, and not the rotation.
+        change: (3,) rad rotation vector in the camera's axes, or (1,) logarithm of the focal lengths' ratio.
+        size: Length of the change.
+        agreed: The smaller component of the windows' changes along that of both.
+    """
+
+    is_zoom: bool
+    change: Array
+    size: float
+    agreed: float
+
+
+def change_of(sums: PastSums, camera: int) -> CameraChange:
+    """Return the change of a camera in its two windows."""
+    both, older, newer = (sums.difference(camera, blocks) for blocks in (ALL, OLDER, NEWER))
+    is_zoom = both.gain(ZOOM) > both.gain(TURN)
+    kind = ZOOM if is_zoom else TURN
+    change = both.solution(kind)
+    size = max(float(np.linalg.norm(change)), 1e-9)
+    agreed = min(float(part.solution(kind) @ change) for part in (older, newer)) / size
+    # A turn about the optical axis is uncertain. A prior of the size of the change keeps its noise out. Joint
+    # biases mostly persist, so changes are about three times as certain as the normal equations state.
+    return CameraChange(is_zoom, change if is_zoom else both.solution(kind, 3.0 * size), size, agreed)

@@ -1,0 +1,62 @@
+"""Report of a calibration from people: table of cameras, and a page with it."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping, Sequence
+
+from panoptic_ros.calibration.quality import Quality
+from panoptic_ros.view.calibration_report import STYLE, html_table, link_rows
+
+HEAD = ("camera", "instants", "joints", "left out", "noise px", "image", "offset ms", "± ms")
+
+
+def people_rows(quality: Quality) -> list[tuple[str, ...]]:
+    """Return the rows of the table of cameras, as text."""
+    return [
+        (
+            camera.name,
+            str(camera.views),
+            str(camera.points),
+            str(camera.outliers),
+            f"{camera.noise_px:.2f}",
+            f"{camera.coverage:.0%}",
+            f"{1e3 * camera.offset_s:+.1f}",
+            f"{1e3 * camera.offset_sd_s:.1f}",
+        )
+        for camera in quality.cameras
+    ]
+
+
+def people_table(quality: Quality, prediction: str) -> list[str]:
+    """Return the table of cameras and the line about predicted errors as lines of text."""
+    rows = [HEAD, *people_rows(quality)]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(HEAD))]
+    lines = [
+        "  ".join(cell.ljust(w) if k == 0 else cell.rjust(w) for k, (cell, w) in enumerate(zip(row, widths)))
+        for row in rows
+    ]
+    return [*lines, prediction]
+
+
+def people_page(
+    quality: Quality, prediction: str, links: Mapping[tuple[int, int], int], lines: Sequence[str]
+) -> str:
+    """Return the report as HTML.
+
+    Args:
+        links: scores of pairs of cameras, instants of common people times the surplus of inliers.
+        lines: doubts and notices.
+    """
+    linked = link_rows(quality, links)
+    parts = [
+        "<!doctype html><meta charset=utf-8><title>Calibration from people</title>",
+        f"<style>{STYLE}</style><h1>Calibration from people</h1><p>{html.escape(prediction)}</p>",
+        "<h2>To improve</h2><ul>" + "".join(f"<li>{html.escape(line)}</li>" for line in lines) + "</ul>"
+        if lines
+        else "<p>All limits of a good calibration hold.</p>",
+        "<h2>Cameras</h2>" + html_table(HEAD, people_rows(quality)),
+        "<h2>Links: instants in which two cameras agree on a person</h2>"
+        + html_table(("", *(row[0] for row in linked)), linked),
+    ]
+    return "\n".join(parts) + "\n"
