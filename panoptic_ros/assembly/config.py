@@ -35,12 +35,6 @@ class AssemblyConfig(Config):
         "bystander. Rigs of up to three cameras need two.",
         when="people at the edge of the room are missing (2), or bystanders are reported (more).",
     )
-    min_agreed_share: float = param(
-        0.5,
-        ge=0.0,
-        le=1.0,
-        doc="Least share of the joints in two or more views on which these views must agree.",
-    )
     initial_noise: float = param(
         0.0025,
         ge=1e-5,

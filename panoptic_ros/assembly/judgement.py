@@ -141,13 +141,11 @@ class AcceptanceCriteria(NamedTuple):
         inflation: Correction of covariances for robust weights.
         extra: Additional growth of covariances for few views.
         worst: m, largest standard deviation of a joint along its longest axis.
-        share: Smallest share of the joints seen in two or more views on which these views agree.
     """
 
     inflation: float
     extra: float
     worst: float
-    share: float
 
 
 @njit(cache=True, error_model="numpy")
@@ -194,33 +192,22 @@ def judge_joints(solved, observed, marked, standards):
 
 
 @njit(cache=True, error_model="numpy")
-def kept_people(joints, good, observed, member, standards):
+def kept_people(joints, good, member):
     """Return the rows of the skeletons that can be people, one row per person.
 
-    They have a joint, and views that agree on most joints. For people without 2D poses, at nodes of score
-    maps, a joint is enough.
+    They have a joint that is certain enough. For people without 2D poses, at nodes of score maps, any joint
+    is enough.
 
     Args:
         joints: `JointEstimates`.
         good: (P, J) whether the joint is certain enough.
-        observed: (P, J) number of views whose 2D pose shows each joint.
         member: (P, V) row of the 2D pose, -1 = none.
     """
-    people, count_joints = good.shape
-    kept, count = np.empty(people, np.int64), 0
-    for p in range(people):
+    there = np.zeros(len(good), np.bool_)
+    for p in range(len(good)):
         lost = np.all(member[p] < 0)
-        number = agreed = shown = 0
-        for j in range(count_joints):
-            sure = good[p, j] or (lost and np.isfinite(joints.positions[p, j, 2]))
-            number += sure
-            if observed[p, j] >= 2:
-                shown += 1
-                agreed += sure
-        if number and agreed >= standards.share * shown:
-            kept[count] = p
-            count += 1
-    kept = kept[:count]
+        there[p] = good[p].any() or (lost and np.isfinite(joints.positions[p, :, 2]).any())
+    kept = np.flatnonzero(there)
     return kept[~second_skeletons(joints.positions[kept], joints.views[kept])]
 
 

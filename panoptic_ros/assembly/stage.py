@@ -116,7 +116,6 @@ class AssemblyStage(Stateful):
             covariance_correction(config.cauchy),
             config.covariance_inflation,
             config.max_joint_sigma,
-            config.min_agreed_share,
         )
         self._sides = SideTest(context.skeleton, self._limbs.groups)
         self._hiding, self._body = (
@@ -252,7 +251,7 @@ class AssemblyStage(Stateful):
         if config.two_view_joints and len(few):
             place_joints(few, CandidateObservations.of(scene, found, tails), joints, self._body, scene.sight)
         joints.derive(self._skeleton)
-        kept = kept_people(joints, good, observed, member, standards)
+        kept = kept_people(joints, good, member)
         own, placed = selected(joints, kept), np.zeros((len(kept), len(self._skeleton)), bool)
         few, prediction = few[found.who[few] >= 0], item.association.prediction
         if config.held_sigma > 0.0 and len(few) and prediction.lengths.shape[1] == len(self._body.bones):

@@ -111,6 +111,14 @@ SCENES: dict[str, SimulatedScene] = {
         staging="crossing",
         degradation=replace(MILD, merge=0.10),
     ),
+    "embrace-2p5v": SimulatedScene(
+        "two people embrace",
+        ("walk", "walk"),
+        Ring(5),
+        staging="embrace",
+        degradation=replace(MILD, merge=0.10),
+        frames=100,
+    ),
     "rooms-4p31v": SimulatedScene(
         "walls between people and most cameras",
         ("talk", "reach", "turn", "wave"),

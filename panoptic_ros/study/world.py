@@ -38,6 +38,7 @@ from panoptic_ros.simulation.drawn_maps import MapDrawing, with_drawn_maps
 from panoptic_ros.simulation.rendering import Studio
 from panoptic_ros.simulation.timing import to_stamp
 from panoptic_ros.stage import StageContext
+from panoptic_ros.study.cropping import Shares, cropped_images, cropped_people, cropped_rig, cropped_truth
 from panoptic_ros.voting.volume import volume_of_rig
 
 Array = np.ndarray
@@ -104,11 +105,14 @@ def truth_of(take: Simulation) -> SkeletonSequence:
     return SkeletonSequence(SKELETON.joint_names, tuple(frames))
 
 
-def simulated_world(name: str, seed: int, frames: int, model: str = "") -> World:
+def simulated_world(
+    name: str, seed: int, frames: int, model: str = "", shares: Shares | None = None
+) -> World:
     """Simulate a take of a scene. Variants follow its name, e.g. "noisy-4p5v+maps".
 
     Args:
         model: detector of rendered scenes.
+        shares: central window of the images; None = the whole images.
 
     Raises:
         UsageError: if the scene or a variant does not exist.
@@ -117,11 +121,20 @@ def simulated_world(name: str, seed: int, frames: int, model: str = "") -> World
     scene, variants = split(name)
     take = simulate(scene, seed, frames)
     if scene.rendered:
-        return rendered_world(take, model)
+        return rendered_world(take, model, shares)
     rig, sets = take.rig, tuple(take.detection_sets())
     for word in variants:
         rig, sets = VARIANTS[word](take, rig, sets)
-    return World(rig, SKELETON, sets, (), truth_at(truth_of(take), sets))
+    world = World(rig, SKELETON, sets, (), truth_at(truth_of(take), sets))
+    return world if shares is None else cropped_world(world, shares)
+
+
+def cropped_world(world: World, shares: Shares) -> World:
+    """Return the world of the central windows of all images, without score maps; see `cropped_people`."""
+    assert world.truth is not None
+    rig = cropped_rig(world.rig, shares)
+    sets = tuple(cropped_people(item, world.rig, shares) for item in world.sets)
+    return replace(world, rig=rig, sets=sets, truth=cropped_truth(world.truth, rig))
 
 
 def truth_at(truth: SkeletonSequence, sets: Sets) -> SkeletonSequence:
@@ -218,16 +231,22 @@ VARIANTS: dict[str, Callable[[Simulation, Rig, Sets], tuple[Rig, Sets]]] = {
 }
 
 
-def rendered_world(take: Simulation, model: str) -> World:
+def rendered_world(take: Simulation, model: str, shares: Shares | None = None) -> World:
     """Render a take with synchronised cameras and run the detector of a model card on the images.
+
+    Args:
+        shares: central window of the images; None = the whole images.
 
     Raises:
         UserError: if the detector cannot be loaded.
     """
     skeleton, extras = detector_extras(model, DETECTED)
-    context = StageContext(take.rig, skeleton, extras)
-    sets = tuple(detected_sets(context, instants_of(take, take.rig.names)))
-    return World(take.rig, skeleton, sets, (), truth_of(take))
+    rig, instants, truth = take.rig, instants_of(take, take.rig.names), truth_of(take)
+    if shares is not None:
+        rig, instants = cropped_rig(rig, shares), cropped_images(instants, rig, shares)
+        truth = cropped_truth(truth, rig)
+    sets = tuple(detected_sets(StageContext(rig, skeleton, extras), instants))
+    return World(rig, skeleton, sets, (), truth)
 
 
 def detected_sets(context: StageContext, instants: Iterable[Sequence[ViewFrame]]) -> Iterator[DetectionSet]:
@@ -249,8 +268,11 @@ def instants_of(take: Simulation, names: Sequence[str]) -> Iterator[list[ViewFra
         yield [ViewFrame(name, to_stamp(tick), index, image.image) for name, image in zip(names, images)]
 
 
-def recorded_world(paths: Sequence[str]) -> World:
+def recorded_world(paths: Sequence[str], shares: Shares | None = None) -> World:
     """Read a recording: [folder], [bag, truth] or [rig, 2D poses, truth].
+
+    Args:
+        shares: central window of the images; None = the whole images.
 
     Raises:
         UserError: if a file is missing or cannot be read.
@@ -265,6 +287,8 @@ def recorded_world(paths: Sequence[str]) -> World:
         people = read_people(people_file, rig)
         truth = read_sequence(truth_file)
         world = World(rig, people.skeleton, tuple(people.sets), (), truth, (), people.joint_names)
+    if shares is not None:
+        world = cropped_world(world, shares)
     return replace(world, stretches=max(1, min(STRETCHES, len(world.sets) // SHORTEST)))
 
 

@@ -17,7 +17,7 @@ from panoptic_ros.solving.scene import CameraPoses
 
 PEOPLE, JOINTS, VIEWS, ROWS = 4, 6, 5, 9
 CAMERAS = captures.RIG.cameras
-STANDARDS = AcceptanceCriteria(1.1, 0.8, 1e3, 0.5)
+STANDARDS = AcceptanceCriteria(1.1, 0.8, 1e3)
 
 
 def solved(seed):
@@ -88,7 +88,7 @@ def test_singular_normals_give_no_joint():
     assert not good.any() and np.isnan(result.positions).all() and np.isnan(result.covariances).all()
 
 
-def test_people_need_a_joint_and_agreement():
+def test_people_need_a_joint():
     places = np.arange(6.0)[:, None] * np.ones(3) + 10.0 * np.arange(4.0)[:, None, None]
     good = np.ones((4, 6), bool)
     good[1] = False  # no joint
@@ -96,10 +96,9 @@ def test_people_need_a_joint_and_agreement():
     places[~good] = np.nan
     places[3], good[3] = 30.0, False  # at nodes, without 2D poses
     joints = JointEstimates.nothing(4, 6)._replace(positions=places)
-    member, observed = np.zeros((4, 2), np.int64), np.full((4, 6), 3)
-    member[3], observed[3] = -1, 0
-    assert kept_people(joints, good, observed, member, STANDARDS).tolist() == [0, 2, 3]
-    assert kept_people(joints, good, observed, member, STANDARDS._replace(share=0.9)).tolist() == [0, 3]
+    member = np.zeros((4, 2), np.int64)
+    member[3] = -1
+    assert kept_people(joints, good, member).tolist() == [0, 2, 3]
 
 
 def test_of_two_skeletons_in_one_place_that_of_more_views_stays():

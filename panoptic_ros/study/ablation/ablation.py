@@ -6,6 +6,7 @@ import argparse
 import importlib
 from collections.abc import Iterable
 from contextlib import ExitStack
+from dataclasses import replace
 from typing import Any
 from unittest.mock import patch
 
@@ -16,6 +17,7 @@ from panoptic_ros.study.ablation.differences import DEFAULT, summary
 from panoptic_ros.study.ablation.figures import FIGURES, Figure, figures_of, solve
 from panoptic_ros.study.ablation.mechanisms import MECHANISMS, Mechanism, chosen
 from panoptic_ros.study.child import run_child
+from panoptic_ros.study.cropping import HALF
 from panoptic_ros.study.options import add_recordings, add_seeds, recordings, words
 from panoptic_ros.study.study import Case, Column, Result, Row, Study, table
 from panoptic_ros.study.world import VARIANTS, World, frames_of, recorded_world, simulated_world, split
@@ -34,6 +36,7 @@ SIMULATED = (
     "sitting-group-6p5v",
     "sitting-group-6p5v+maps",
     "crossing",
+    "embrace-2p5v",
     "occluded",
     "bystanders",
     "exchanged-4p5v",
@@ -73,6 +76,12 @@ class Ablation(Study):
         )
         add_recordings(parser)
         parser.add_argument(
+            "--cropped",
+            action="store_true",
+            help="solve every case also with the central half of each image, so that borders cut people; "
+            "2D poses without images lose the joints outside",
+        )
+        parser.add_argument(
             "--only",
             type=words,
             default=[],
@@ -98,6 +107,11 @@ class Ablation(Study):
         ]
         if not found:
             raise UsageError("there is nothing to solve: give --scenes or --capture")
+        if given.cropped:
+            found += [
+                replace(case, title=f"{case.title} cropped", request=case.request | {"shares": HALF})
+                for case in found
+            ]
         return found
 
     def _scene(self, name: str, seed: int, only: list[str]) -> Case:
@@ -148,13 +162,15 @@ def measure_case(request: dict[str, Any]) -> list[Row]:
     """Return the figures of every run, with the name of the mechanism that was off; `DEFAULT` = none.
 
     Args:
-        request: only (names of mechanisms); and either scene, seed, frames and model, or paths of a
-            recording.
+        request: only (names of mechanisms); shares (central window of the images), if they are cropped; and
+            either scene, seed, frames and model, or paths of a recording.
     """
+    shares = request.get("shares")
     if "paths" in request:
-        world = recorded_world(request["paths"])
+        world = recorded_world(request["paths"], shares)
     else:
-        world = simulated_world(request["scene"], request["seed"], request["frames"], request["model"])
+        scene, seed, frames, model = (request[key] for key in ("scene", "seed", "frames", "model"))
+        world = simulated_world(scene, seed, frames, model, shares)
     runs = [Mechanism("", DEFAULT, "", {})]
     runs += [m for m in MECHANISMS if m.name in request["only"] and _acts(m, world)]
     _solved(world, runs[0])  # the first run has cold caches

@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from panoptic_ros.assembly.noise import NoiseCovariates, NoiseTable
 from panoptic_ros.errors import UsageError
+from panoptic_ros.solving.joint_records import PersonCandidates
 
 Settings = dict[str, dict[str, Any]]
 
@@ -58,6 +60,36 @@ def _code(part: str, name: str, about: str, place: str, substitute: Any) -> Mech
 
 
 NO_LIMIT = 100.0  # standard deviations
+_learn, _covariates = NoiseTable.learn, NoiseCovariates.of
+
+
+def _learnt_without(**values: float) -> Any:
+    """Return a `NoiseTable.learn` that keeps these learnt values of the table at their start."""
+
+    def learn(table: NoiseTable, *given: Any) -> None:
+        _learn(table, *given)
+        for name, value in values.items():
+            getattr(table._learnt, name)[:] = value
+
+    return learn
+
+
+_learnt_by_score = _learnt_without(factors=1.0, growth=0.0)
+
+
+def _none_hidden(found: PersonCandidates, bones: Any, cams: Any, rows: int) -> np.ndarray:
+    return np.zeros((rows, found.places.shape[1]), np.int64)
+
+
+def _no_tails(table: NoiseTable, marks: NoiseCovariates) -> np.ndarray:
+    return np.ones(marks.scores.shape)
+
+
+def _of_one_score(*given: Any) -> NoiseCovariates:
+    """Return the covariates of 2D joints with one score for all."""
+    found = _covariates(*given)
+    return found._replace(scores=np.where(found.scores > 0.0, 0.5, 0.0))
+
 
 _OF_PARAMETERS: tuple[Mechanism, ...] = (
     _voting("votes", "3D votes from score maps", method="off"),
@@ -90,7 +122,6 @@ _OF_PARAMETERS: tuple[Mechanism, ...] = (
     ),
     _assembly("starts", "a joint is begun from many pairs of views", max_pairs=1),
     _assembly("foreign-joints", "joints are taken from other 2D people of the view", foreign_penalty=100.0),
-    _assembly("agreed-share", "views agree on half of a person's joints", min_agreed_share=0.0),
     _assembly("map-votes", "joints go to the soft votes of the maps", True, vote_distance=0.0),
     _assembly("lost-people", "people who are in score maps only are added", True, lost_people=False),
     _assembly(
@@ -132,14 +163,35 @@ _OF_CODE = tuple(
             "hidden-noise",
             "the noise of hidden joints is learnt apart",
             "assembly.stage:hidden_marks",
-            lambda found, bones, cams, rows: np.zeros((rows, found.places.shape[1]), np.int64),
+            _none_hidden,
+        ),
+        (
+            "assembly",
+            "noise-by-score",
+            "the noise is learnt by score",
+            "assembly.noise:NoiseCovariates.of",
+            _of_one_score,
+        ),
+        (
+            "assembly",
+            "noise-by-view",
+            "each view has a factor on the noise",
+            "assembly.noise:NoiseTable.learn",
+            _learnt_without(factors=1.0),
+        ),
+        (
+            "assembly",
+            "noise-by-size",
+            "the noise grows with the size of the person in the image",
+            "assembly.noise:NoiseTable.learn",
+            _learnt_without(growth=0.0),
         ),
         (
             "assembly",
             "noise-tails",
             "joints of two views count the tail of the noise",
             "assembly.noise:NoiseTable.tails",
-            lambda table, marks: np.ones(marks.scores.shape),
+            _no_tails,
         ),
         (
             "assembly",
@@ -192,8 +244,21 @@ _OF_CODE = tuple(
         ),
     )
 )
+_COVARIATES = Mechanism(
+    "assembly",
+    "noise-covariates",
+    "all of these but the score",
+    {},
+    replaced=(
+        ("panoptic_ros.assembly.stage:hidden_marks", _none_hidden),
+        ("panoptic_ros.assembly.noise:NoiseTable.learn", _learnt_by_score),
+        ("panoptic_ros.assembly.noise:NoiseTable.tails", _no_tails),
+    ),
+)
 PARTS = tuple(dict.fromkeys(mechanism.part for mechanism in _OF_PARAMETERS))
-MECHANISMS = tuple(sorted((*_OF_PARAMETERS, *_OF_CODE), key=lambda mechanism: PARTS.index(mechanism.part)))
+MECHANISMS = tuple(
+    sorted((*_OF_PARAMETERS, *_OF_CODE, _COVARIATES), key=lambda mechanism: PARTS.index(mechanism.part))
+)
 
 
 def chosen(words: Collection[str]) -> tuple[Mechanism, ...]:

@@ -13,27 +13,24 @@ from typing import Any
 
 import numpy as np
 
-from panoptic_ros.domain import Camera, DetectionSet, Rig, ViewDetections, ViewFrame
+from panoptic_ros.domain import Camera, DetectionSet, ViewDetections
 from panoptic_ros.errors import UsageError
-from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence, pair_sequences
+from panoptic_ros.evaluation import SkeletonSequence, pair_sequences
 from panoptic_ros.evaluation.report import report_of
 from panoptic_ros.io.compared_skeletons import spelt_alike
-from panoptic_ros.io.detector_context import detector_extras
 from panoptic_ros.running.arguments import within
-from panoptic_ros.simulation import SCENES, Simulation, simulate
-from panoptic_ros.stage import Progress, StageContext
+from panoptic_ros.simulation import SCENES, simulate
+from panoptic_ros.stage import Progress
 from panoptic_ros.study.ablation.figures import solve
 from panoptic_ros.study.ablation.mechanisms import MECHANISMS
 from panoptic_ros.study.options import add_recordings, add_seeds, known_names, recordings, words
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
-from panoptic_ros.study.world import DETECTED, World, detected_sets, instants_of, recorded_world, truth_of
+from panoptic_ros.study.world import World, recorded_world, rendered_world
 
 Array = np.ndarray
 OFF = next(m.off for m in MECHANISMS if m.name == "image-borders")
 FAR = 25.0  # px, from the true projection; the oracle removes 2D joints beyond this
 SAME = 60.0  # px, limit of the median distance between a 2D pose and the projection of its true skeleton
-# a person counts if this number of cameras shows more than this share of the joints
-SEEN_SHARE, SEEN_BY = 1.0 / 3.0, 2
 FIGURES = ("MPJPE mm", "PCK 5 cm", "PCK 10 cm", "people found", "within 95 %")
 
 
@@ -89,7 +86,7 @@ class Borders(Study):
         else:
             name, seed = case.request
             take = simulate(SCENES[name], seed, given.frames or SCENES[name].frames)
-            world = _cropped_world(take, (given.width, given.height), given.model)
+            world = rendered_world(take, given.model, (given.width, given.height))
         cleaned = replace(world, sets=tuple(without_far_joints(world)))
         off, on = _figures(world, OFF), _figures(world, {})
         oracle = _figures(cleaned, OFF)
@@ -154,44 +151,3 @@ def _cleaned(view: ViewDetections, camera: Camera, places: Array) -> ViewDetecti
             far = (away[who] > FAR) & np.isfinite(places[who, :, 0]) & (scores[d] > 0.0)
             points[d, far], scores[d, far] = np.nan, 0.0
     return replace(view, points=points, scores=scores)
-
-
-def _cropped_world(take: Simulation, shares: tuple[float, float], model: str) -> World:
-    """Detect persons in the central windows of a take's images; ignore persons that few cameras see."""
-    windows = {camera.name: _window(camera, shares) for camera in take.rig.cameras}
-    rig = replace(take.rig, cameras=tuple(_cropped(c, windows[c.name]) for c in take.rig.cameras))
-    skeleton, extras = detector_extras(model, DETECTED)
-    context = StageContext(rig, skeleton, extras)
-    instants = (
-        [_cut(frame, windows[frame.camera]) for frame in frames] for frames in instants_of(take, rig.names)
-    )
-    truth = truth_of(take)
-    frames = tuple(_with_ignored(frame, rig) for frame in truth.frames)
-    return World(rig, skeleton, tuple(detected_sets(context, instants)), (), replace(truth, frames=frames))
-
-
-def _window(camera: Camera, shares: tuple[float, float]) -> tuple[int, int, int, int]:
-    """Return left, top, width and height (px) of the central window of an image."""
-    (width, height), (across, down) = camera.image_size, shares
-    w, h = int(width * across) // 2 * 2, int(height * down) // 2 * 2
-    return (width - w) // 2, (height - h) // 2, w, h
-
-
-def _cropped(camera: Camera, window: tuple[int, int, int, int]) -> Camera:
-    """Return the camera of a window (left, top, width, height), px, of its images."""
-    left, top, width, height = window
-    matrix = camera.intrinsics.matrix.copy()
-    matrix[:2, 2] -= left, top
-    return replace(camera, image_size=(width, height), intrinsics=replace(camera.intrinsics, matrix=matrix))
-
-
-def _cut(frame: ViewFrame, window: tuple[int, int, int, int]) -> ViewFrame:
-    left, top, width, height = window
-    return replace(frame, image=np.ascontiguousarray(frame.image[top : top + height, left : left + width]))
-
-
-def _with_ignored(frame: SkeletonFrame, rig: Rig) -> SkeletonFrame:
-    """Mark true skeletons as ignored if fewer than `SEEN_BY` cameras show a third of their joints."""
-    shares = [camera.sees(np.nan_to_num(frame.positions)).mean(axis=1) for camera in rig.cameras]
-    seldom = (np.array(shares) > SEEN_SHARE).sum(axis=0) < SEEN_BY
-    return replace(frame, ignored=frame.ignored | seldom)

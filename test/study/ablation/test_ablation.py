@@ -21,6 +21,7 @@ from panoptic_ros.study.ablation.differences import (
 )
 from panoptic_ros.study.ablation.figures import FIGURES, figures_of, solve
 from panoptic_ros.study.ablation.mechanisms import MECHANISMS, chosen
+from panoptic_ros.study.cropping import HALF
 from panoptic_ros.study.names import parsed
 from panoptic_ros.study.world import recorded_world, simulated_world
 
@@ -210,3 +211,19 @@ def test_bad_input_is_told_in_one_line(options, told, capsys):
     assert main(["study", "ablation", *options]) == 2
     error = capsys.readouterr().err.strip()
     assert told in error and "\n" not in error
+
+
+def test_a_cropped_case_has_narrower_images_without_the_joints_outside():
+    whole, cropped = (simulated_world("three-views-2p", 3, 6, shares=shares) for shares in (None, HALF))
+    for camera, narrow in zip(whole.rig.cameras, cropped.rig.cameras):
+        assert narrow.image_size == (camera.image_size[0] // 2, camera.image_size[1])
+    for item, cut in zip(whole.sets, cropped.sets):
+        for view, part in zip(item.views, cut.views):
+            left = view.image_size[0] // 4
+            inside = (view.scores > 0.0) & (np.abs(view.points[..., 0] - 2 * left + 0.5) <= left)
+            assert (part.scores > 0.0).sum() == inside.sum() > 0
+            assert np.allclose(
+                np.sort(part.points[part.scores > 0.0][:, 0]), np.sort(view.points[inside][:, 0]) - left
+            )
+    case = parsed("ablation", ["--scenes", "three-views-2p", "--seeds", "3", "--cropped"]).cases()[-1]
+    assert case.title == "three-views-2p cropped" and case.request["shares"] == HALF
