@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.calibration.boards import Board
-from panoptic_ros.calibration.bundle import PLAIN
 from panoptic_ros.calibration.lens_start import LensModel
 from panoptic_ros.calibration.projection import OFFSET, POSE
 from panoptic_ros.calibration.quality import predicted_errors, space_of
@@ -20,10 +19,11 @@ from panoptic_ros.calibration.target_views import TargetView
 from panoptic_ros.calibration.world import rig_in_world
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import CalibrationError
-from panoptic_ros.geometry import Rigid, triangulate_robust
+from panoptic_ros.geometry import Rigid
 from panoptic_ros.geometry.rotations import vectors_of
 from panoptic_ros.simulation.board_sessions import BoardScene, BoardSession, simulate_board
 from panoptic_ros.stage import Progress
+from panoptic_ros.study.calibration.alignment import triangulated
 from panoptic_ros.study.calibration.peers import OWN, Problem, add_peers, attempts, with_known_lens
 from panoptic_ros.study.options import add_seeds, known_names, words
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
@@ -225,22 +225,10 @@ def triangulation_errors(rig: Rig, truth: Rig, points: Array) -> Array:
         with np.errstate(invalid="ignore"):
             inside = np.all((own > 0.0) & (own < np.array(camera.image_size)), axis=1)
         pixels.append(np.where(inside[:, None], own, np.nan))
-    triangulated = exact_points(rig, np.stack(pixels, axis=1))
-    good = np.isfinite(triangulated).all(axis=1)
-    a, b = triangulated[good], points[good]
+    found = triangulated(rig, np.stack(pixels, axis=1))
+    good = np.isfinite(found).all(axis=1)
+    a, b = found[good], points[good]
     u, _, v = np.linalg.svd((a - a.mean(0)).T @ (b - b.mean(0)))
     turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))]) @ v
     errors: Array = np.linalg.norm((a - a.mean(0)) @ turn - (b - b.mean(0)), axis=1)
     return errors
-
-
-def exact_points(rig: Rig, pixels: Array) -> Array:
-    """Return points (N, 3) m of least squared residual of pixels (N, C, 2), NaN where a camera sees none.
-
-    Points are in the frame of the rig, and NaN with fewer than two views.
-    """
-    plane = np.stack(
-        [camera.intrinsics.undistort(pixels[:, c]) for c, camera in enumerate(rig.cameras)], axis=1
-    )
-    result = triangulate_robust(rig.stack(), plane, np.ones(plane.shape[:2]), cauchy=PLAIN, gate=PLAIN)
-    return result.points

@@ -26,7 +26,7 @@ from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.io.stamps import read_stamps
 from panoptic_ros.running.calibration.recorded_board import board_of
 from panoptic_ros.stage import Progress
-from panoptic_ros.study.calibration.boards import exact_points
+from panoptic_ros.study.calibration.alignment import triangulated
 from panoptic_ros.study.calibration.peers import OWN, Problem, add_peers, attempts, with_known_lens
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
@@ -198,7 +198,7 @@ def _scores(rig: Rig, corners: list[RecordedCorner], points: Array) -> dict[str,
     for n, own in enumerate(groups.values()):
         for corner in own:
             pixels[n, rig.index(corner.camera)] = corner.pixel
-    positions = exact_points(rig, pixels)
+    positions = triangulated(rig, pixels)
     misses = [camera.project(positions)[0] - pixels[:, c] for c, camera in enumerate(rig.cameras)]
     placed: dict[int, list[tuple[int, Array]]] = defaultdict(list)
     for (instant, point), position in zip(groups, positions):
