@@ -4,32 +4,34 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from panoptic_ros.calibration.boards import Board
-from panoptic_ros.calibration.bundle import PLAIN
 from panoptic_ros.calibration.lens_start import LensModel
 from panoptic_ros.calibration.projection import OFFSET, POSE
 from panoptic_ros.calibration.quality import predicted_errors, space_of
 from panoptic_ros.calibration.rig_start import CameraInput
 from panoptic_ros.calibration.solve import CalibratedRig, calibrate_rig
-from panoptic_ros.calibration.target_poses import intrinsics_of
 from panoptic_ros.calibration.target_views import TargetView
+from panoptic_ros.calibration.world import rig_in_world
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import CalibrationError
-from panoptic_ros.geometry import ProjectionStack, Rigid, triangulate_robust
+from panoptic_ros.geometry import Rigid
 from panoptic_ros.geometry.rotations import vectors_of
 from panoptic_ros.simulation.board_sessions import BoardScene, BoardSession, simulate_board
 from panoptic_ros.stage import Progress
+from panoptic_ros.study.calibration.alignment import triangulated
+from panoptic_ros.study.calibration.peers import OWN, Problem, add_peers, attempts, with_known_lens
 from panoptic_ros.study.options import add_seeds, known_names, words
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
 Array = np.ndarray
 BOARD = Board("checkerboard", 7, 10, 0.06)
 FISHEYE = LensModel(fisheye=True, terms=4)
+EXACT = (1e-6, 1e-3, 1e-6)  # relative focal length, px, distortion: deviations of lenses taken as known
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,8 @@ class Calibration(Study):
 
     columns = (
         Column("case", "case"),
+        Column("program", "program"),
+        Column("intrinsics", "intrinsics"),
         Column("failed", "failed", ".0%"),
         Column("rotation_rad", "rotation deg", ".3f", 180.0 / np.pi),
         Column("position_m", "position mm", ".2f", 1e3),
@@ -67,7 +71,7 @@ class Calibration(Study):
         Column("offset_s", "offset ms", ".2f", 1e3),
         Column("solve_s", "solve s", ".2f"),
     )
-    over = ("case",)
+    over = ("case", "program", "intrinsics")
 
     @classmethod
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
@@ -80,6 +84,7 @@ class Calibration(Study):
             help=f"cases; default {','.join(CASES)}",
         )
         add_seeds(parser, "0:10")
+        add_peers(parser)
 
     def cases(self) -> list[Case]:
         """See `Study`."""
@@ -97,24 +102,52 @@ class Calibration(Study):
         model = FISHEYE if chosen.scene.lens == "fisheye" else LensModel()
         inputs = [CameraInput(camera.name, camera.image_size, model) for camera in session.rig.cameras]
         views = [TargetView(*view) for view in session.views]
+        problems = [Problem(inputs, views, BOARD)]
+        if self.options.peers:
+            lenses = [camera.intrinsics for camera in session.rig.cameras]
+            known = [with_known_lens(own, lens, EXACT) for own, lens in zip(inputs, lenses)]
+            problems.append(Problem(known, views, BOARD, lenses))
+        for problem in problems:
+            for row in self._rows(problem, session, chosen.clocks):
+                yield {**row, "case": name, "seed": seed, "intrinsics": problem.intrinsics}
+
+    def _rows(self, problem: Problem, session: BoardSession, clocks: bool) -> Iterator[Row]:
+        """Yield the row of this project and those of other libraries."""
+        empty: Row = dict.fromkeys(column.key for column in self.columns) | {"failed": 1.0, "note": ""}
+        bound: Row = {}
+        points = None
         begin = time.perf_counter()
         try:
-            found = calibrate_rig(inputs, views, BOARD.points, clocks=chosen.clocks)
-        except CalibrationError:
-            yield {"case": name, "seed": seed, "failed": 1.0}
-            return
-        yield {
-            "case": name,
-            "seed": seed,
-            "failed": 0.0,
-            "solve_s": time.perf_counter() - begin,
-            **errors_of(found, session),
+            found = calibrate_rig(problem.cameras, problem.views, BOARD.points, clocks=clocks)
+        except CalibrationError as error:
+            yield {**empty, "program": OWN, "note": str(error)}
+        else:
+            solve_s = time.perf_counter() - begin
+            points = space_of(found)
+            errors = errors_of(found, session)
+            bound = {"predicted_m": errors["predicted_m"]}
+            yield {**empty, "program": OWN, "failed": 0.0, "solve_s": solve_s, **errors}
+        for attempt in attempts(problem, self.options.peers) if self.options.peers else ():
+            row = {**empty, **bound, "program": attempt.program, "note": attempt.note}
+            if attempt.rig is not None:
+                row |= {"failed": 0.0, "solve_s": attempt.solve_s}
+                row |= camera_errors(attempt.rig, session.rig, points)
+                row["ratio"] = row["error_m"] / row["predicted_m"] if bound else None
+            yield row
+
+    def lines(self, result: Result) -> Iterable[str]:
+        """See `Study`; reasons of failures and remarks of libraries follow the table."""
+        notes = {
+            f"{row['case']}, {row['program']}, intrinsics {row['intrinsics']}: {row['note']}": None
+            for row in result["rows"]
+            if row["note"]
         }
+        return [*super().lines(result), *([""] if notes else []), *notes]
 
     def head(self, result: Result) -> str:
         """See `Study`."""
         return (
-            "Simulated board of 7 x 10 corners of 60 mm, noise 0.3 px, all intrinsics unknown.\n"
+            "Simulated board of 7 x 10 corners of 60 mm, noise 0.3 px.\n"
             "Cases: cameras x instants. "
             "Errors of rotation, position and focal length: medians over cameras.\n"
             "Error: of points in the space of the board, triangulated from exact pixels, after rigid "
@@ -127,68 +160,75 @@ def _cost(scene: BoardScene) -> float:
 
 
 def errors_of(found: CalibratedRig, session: BoardSession) -> Row:
-    """Return the errors of a calibration against the truth, relative to the first camera."""
-    states, truth = found.state.cameras, session.rig
-    reference = truth.cameras[0].cam_from_world.inverse()
-    true = [camera.cam_from_world.compose(reference) for camera in truth.cameras]
-    turns = np.stack([t.rotation @ r.T for t, r in zip(true, states.rotations)])
-    moves = np.stack([t.translation for t in true]) - states.translations
-    apart = np.concatenate([vectors_of(np.ascontiguousarray(turns)), moves], axis=1)
+    """Return the errors of a calibration against the truth, relative to the first camera, and its bound."""
+    states, points = found.state.cameras, space_of(found)
+    rig = rig_in_world(found, Rigid.identity())
+    errors = camera_errors(rig, session.rig, points)
+    apart = _apart(rig, session.rig)
     nees = []
-    for c in range(1, len(truth)):
+    for c in range(1, len(rig)):
         rows = found.index[c, :POSE]
         nees.append(apart[c] @ np.linalg.solve(found.covariance[np.ix_(rows, rows)], apart[c]) / POSE)
-    points = space_of(found)
-    error = np.sqrt((triangulation_errors(found, truth, reference, points) ** 2).mean())
-    predicted = np.sqrt((predicted_errors(found, points) ** 2).mean())
-    focal = [camera.intrinsics.matrix[0, 0] for camera in truth.cameras]
+    predicted = float(np.sqrt((predicted_errors(found, points) ** 2).mean()))
     free = found.index[:, OFFSET] >= 0
     late = (states.offsets - states.offsets[0]) - (session.offsets - session.offsets[0])
     return {
-        "rotation_rad": float(np.median(np.linalg.norm(apart[1:, :3], axis=1))),
-        "position_m": float(np.median(np.linalg.norm(apart[1:, 3:], axis=1))),
-        "focal": float(np.median(np.abs(states.lenses[:, 0] / focal - 1.0))),
-        "error_m": float(error),
-        "predicted_m": float(predicted),
-        "ratio": float(error / predicted),
+        **errors,
+        "predicted_m": predicted,
+        "ratio": errors["error_m"] / predicted,
         "nees": float(np.mean(nees)),
         "offset_s": float(np.sqrt((late[free] ** 2).mean())) if free.any() else np.nan,
     }
 
 
-def triangulation_errors(found: CalibratedRig, truth: Rig, world_from_first: Rigid, points: Array) -> Array:
+def camera_errors(rig: Rig, truth: Rig, points: Array | None) -> Row:
+    """Return the errors of cameras against the truth, relative to the first camera, whose frame `rig` has.
+
+    Args:
+        points: (N, 3) m, points in which triangulation is scored; None = it is not.
+    """
+    apart = _apart(rig, truth)
+    focal = [
+        own.intrinsics.matrix[0, 0] / true.intrinsics.matrix[0, 0] - 1.0
+        for own, true in zip(rig.cameras, truth.cameras)
+    ]
+    error = np.nan
+    if points is not None:
+        error = np.sqrt((triangulation_errors(rig, truth, points) ** 2).mean())
+    return {
+        "rotation_rad": float(np.median(np.linalg.norm(apart[1:, :3], axis=1))),
+        "position_m": float(np.median(np.linalg.norm(apart[1:, 3:], axis=1))),
+        "focal": float(np.median(np.abs(focal))),
+        "error_m": float(error),
+    }
+
+
+def _apart(rig: Rig, truth: Rig) -> Array:
+    """Return the rotation vectors, rad, and translations, m, (C, 6) from cameras to their truth."""
+    reference = truth.cameras[0].cam_from_world.inverse()
+    true = [camera.cam_from_world.compose(reference) for camera in truth.cameras]
+    own = [camera.cam_from_world for camera in rig.cameras]
+    turns = np.stack([t.rotation @ o.rotation.T for t, o in zip(true, own)])
+    moves = np.stack([t.translation - o.translation for t, o in zip(true, own)])
+    return np.concatenate([vectors_of(np.ascontiguousarray(turns)), moves], axis=1)
+
+
+def triangulation_errors(rig: Rig, truth: Rig, points: Array) -> Array:
     """Return the errors (N,) m of points (N, 3) m, of the frame of the first camera, after rigid alignment.
 
-    True cameras project them, the found cameras triangulate the pixels.
+    True cameras project them, the cameras of `rig` triangulate the pixels.
     """
+    world_from_first = truth.cameras[0].cam_from_world.inverse()
     pixels = []
     for camera in truth.cameras:
-        own, _ = camera.intrinsics.project(camera.cam_from_world.apply(world_from_first.apply(points)))
+        own, _ = camera.project(world_from_first.apply(points))
         with np.errstate(invalid="ignore"):
             inside = np.all((own > 0.0) & (own < np.array(camera.image_size)), axis=1)
         pixels.append(np.where(inside[:, None], own, np.nan))
-    triangulated = exact_points(found, np.stack(pixels, axis=1))
-    good = np.isfinite(triangulated).all(axis=1)
-    a, b = triangulated[good], points[good]
+    found = triangulated(rig, np.stack(pixels, axis=1))
+    good = np.isfinite(found).all(axis=1)
+    a, b = found[good], points[good]
     u, _, v = np.linalg.svd((a - a.mean(0)).T @ (b - b.mean(0)))
     turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))]) @ v
     errors: Array = np.linalg.norm((a - a.mean(0)) @ turn - (b - b.mean(0)), axis=1)
     return errors
-
-
-def exact_points(found: CalibratedRig, pixels: Array) -> Array:
-    """Return points (N, 3) m of least squared residual of pixels (N, C, 2), NaN where a camera sees none.
-
-    Points are in the frame of the first camera, and NaN with fewer than two views.
-    """
-    states = found.state.cameras
-    plane = np.stack(
-        [
-            intrinsics_of(lens, bool(fisheye)).undistort(pixels[:, c])
-            for c, (lens, fisheye) in enumerate(zip(states.lenses, states.fisheye))
-        ],
-        axis=1,
-    )
-    stack = ProjectionStack(states.rotations, states.translations, states.lenses[:, 0])
-    result = triangulate_robust(stack, plane, np.ones(plane.shape[:2]), cauchy=PLAIN, gate=PLAIN)
-    return result.points
