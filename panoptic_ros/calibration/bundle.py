@@ -270,7 +270,7 @@ def shift_variances(seen: Observations, state: Adjustment, scale: float) -> Arra
     weight = np.maximum(system.shift[:, -2], 1e-300)
     pull = system.shift[:, CAMERA : CAMERA + POSE]
     pose = np.einsum("vi,vij,vj->v", pull, system.inverse[seen.targets], pull)
-    variances: Array = 1.0 / weight + pose / weight**2
+    variances: Array = 1.0 / weight + pose / weight / weight
     return variances
 
 

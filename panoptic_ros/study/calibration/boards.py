@@ -14,8 +14,10 @@ from panoptic_ros.calibration.lens_start import LensModel
 from panoptic_ros.calibration.projection import OFFSET, POSE
 from panoptic_ros.calibration.quality import predicted_errors, space_of
 from panoptic_ros.calibration.rig_start import CameraInput
-from panoptic_ros.calibration.solve import CalibratedRig, calibrate_rig
+from panoptic_ros.calibration.solve import CalibratedRig, calibrate_from, calibrate_rig
 from panoptic_ros.calibration.target_views import TargetView
+from panoptic_ros.calibration.wand_start import start_wand
+from panoptic_ros.calibration.wands import Wand, parse_wand
 from panoptic_ros.calibration.world import rig_in_world
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import CalibrationError
@@ -31,15 +33,18 @@ from panoptic_ros.study.study import Case, Column, Result, Row, Study
 Array = np.ndarray
 BOARD = Board("checkerboard", 7, 10, 0.06)
 FISHEYE = LensModel(fisheye=True, terms=4)
+CALIBRATED = (5e-3, 3.0, 0.02)  # the same, of lenses that were calibrated before the wand
+TINY = 1e-12
 EXACT = (1e-6, 1e-3, 1e-6)  # relative focal length, px, distortion: deviations of lenses taken as known
 
 
 @dataclass(frozen=True)
 class BoardCase:
-    """Case of the study: a scene, and whether clocks are estimated."""
+    """Case of the study: a scene, whether clocks are estimated, and the wand in place of the board."""
 
     scene: BoardScene
     clocks: bool = False
+    wand: Wand | None = None
 
 
 CASES = {
@@ -49,6 +54,8 @@ CASES = {
     "8x200": BoardCase(BoardScene(8, 200)),
     "outliers": BoardCase(BoardScene(4, 100, outliers=0.01)),
     "fisheye": BoardCase(BoardScene(4, 100, lens="fisheye")),
+    "wand-2": BoardCase(BoardScene(4, 500, all_round=True), wand=parse_wand("wand:500mm")),
+    "wand-3": BoardCase(BoardScene(8, 500, all_round=True), wand=parse_wand("wand:0/150/500mm")),
     "webcams": BoardCase(BoardScene(4, 200, smooth=True, lag_s=0.06, jitter_s=0.015), clocks=True),
 }
 
@@ -98,6 +105,14 @@ class Calibration(Study):
         """See `Study`."""
         name, seed = case.request
         chosen = CASES[name]
+        if chosen.wand is not None:
+            yield {
+                "case": name,
+                "seed": seed,
+                "intrinsics": "prior",
+                **self._wand_row(chosen, chosen.wand, seed),
+            }
+            return
         session = simulate_board(chosen.scene, BOARD.points, seed)
         model = FISHEYE if chosen.scene.lens == "fisheye" else LensModel()
         inputs = [CameraInput(camera.name, camera.image_size, model) for camera in session.rig.cameras]
@@ -110,6 +125,28 @@ class Calibration(Study):
         for problem in problems:
             for row in self._rows(problem, session, chosen.clocks):
                 yield {**row, "case": name, "seed": seed, "intrinsics": problem.intrinsics}
+
+    def _wand_row(self, chosen: BoardCase, wand: Wand, seed: int) -> Row:
+        """Return the row of a wand, with lenses that are as wrong as their covariance states."""
+        session, rng = simulate_board(chosen.scene, wand.points, seed), np.random.default_rng(seed)
+        inputs = []
+        for camera in session.rig.cameras:
+            own = CameraInput(camera.name, camera.image_size)
+            lens, information = with_known_lens(own, camera.intrinsics, CALIBRATED).known or (None, None)
+            assert lens is not None and information is not None
+            sd = 1.0 / np.sqrt(np.maximum(np.diag(information), TINY))
+            drawn = lens + np.where(np.diag(information) > TINY, sd * rng.standard_normal(len(lens)), 0.0)
+            inputs.append(own._replace(known=(drawn, information)))
+        views = [TargetView(*view) for view in session.views]
+        empty: Row = dict.fromkeys(column.key for column in self.columns) | {"program": OWN, "note": ""}
+        begin = time.perf_counter()
+        try:
+            start = start_wand(inputs, views, wand.points)
+            found = calibrate_from(start, inputs, wand.points, chosen.clocks)
+        except CalibrationError as error:
+            return {**empty, "failed": 1.0, "note": str(error)}
+        solve_s = time.perf_counter() - begin
+        return {**empty, "failed": 0.0, "solve_s": solve_s, **errors_of(found, session)}
 
     def _rows(self, problem: Problem, session: BoardSession, clocks: bool) -> Iterator[Row]:
         """Yield the row of this project and those of other libraries."""
@@ -147,7 +184,7 @@ class Calibration(Study):
     def head(self, result: Result) -> str:
         """See `Study`."""
         return (
-            "Simulated board of 7 x 10 corners of 60 mm, noise 0.3 px.\n"
+            "Simulated board of 7 x 10 corners of 60 mm, or a wand of 500 mm with 2 or 3 markers; noise 0.3 px.\n"
             "Cases: cameras x instants. "
             "Errors of rotation, position and focal length: medians over cameras.\n"
             "Error: of points in the space of the board, triangulated from exact pixels, after rigid "
