@@ -106,12 +106,8 @@ class Calibration(Study):
         name, seed = case.request
         chosen = CASES[name]
         if chosen.wand is not None:
-            yield {
-                "case": name,
-                "seed": seed,
-                "intrinsics": "prior",
-                **self._wand_row(chosen, chosen.wand, seed),
-            }
+            row = self._wand_row(chosen, chosen.wand, seed)
+            yield {**row, "case": name, "seed": seed, "intrinsics": "prior"}
             return
         session = simulate_board(chosen.scene, BOARD.points, seed)
         model = FISHEYE if chosen.scene.lens == "fisheye" else LensModel()
@@ -184,7 +180,8 @@ class Calibration(Study):
     def head(self, result: Result) -> str:
         """See `Study`."""
         return (
-            "Simulated board of 7 x 10 corners of 60 mm, or a wand of 500 mm with 2 or 3 markers; noise 0.3 px.\n"
+            "Simulated board of 7 x 10 corners of 60 mm, or wand of 500 mm with 2 or 3 markers. Noise 0.3\n"
+            "px. "
             "Cases: cameras x instants. "
             "Errors of rotation, position and focal length: medians over cameras.\n"
             "Error: of points in the space of the board, triangulated from exact pixels, after rigid "
