@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg.lapack import dpotri
 
 from panoptic_ros.calibration.normal_equations import cost_of, linearise, moved, reduce_to_cameras, residuals
 from panoptic_ros.calibration.projection import CAMERA, OFFSET, POSE
@@ -284,5 +285,11 @@ def covariance_of(seen: Observations, state: Adjustment) -> tuple[Array, Array]:
     """
     system = _system(seen, state, PLAIN, 0.0)
     scale, factor = _factor(system.reduced)
-    covariance: Array = scale[:, None] * cho_solve(factor, np.eye(len(scale))) * scale
+    covariance, failed = dpotri(factor[0], lower=0, overwrite_c=1)  # in place: 480 cameras have 7200 unknowns
+    if failed:
+        raise LinAlgError(f"unknown {failed} is not observable")
+    for row in range(1, len(scale)):
+        covariance[row, :row] = covariance[:row, row]
+    covariance *= scale[:, None]
+    covariance *= scale
     return covariance, system.rows

@@ -75,9 +75,13 @@ class Quality(NamedTuple):
     worst_m: float
 
 
-def quality_of(rig: CalibratedRig) -> Quality:
-    """Return the quality of a calibration."""
-    errors = predicted_errors(rig, space_of(rig))
+def quality_of(rig: CalibratedRig, scaled: bool = False) -> Quality:
+    """Return the quality of a calibration.
+
+    Args:
+        scaled: Another measurement gives the scale, see `predicted_errors`.
+    """
+    errors = predicted_errors(rig, space_of(rig), scaled)
     seen, states = rig.seen, rig.state.cameras
     own = seen.cameras[seen.views]
     rejected = rig.rejected
@@ -175,7 +179,7 @@ def predicted_errors(rig: CalibratedRig, points: Array, scaled: bool = False) ->
         motions = np.column_stack([motions, (points - points.mean(axis=0)).reshape(-1)])
     basis = np.linalg.qr(motions)[0]
     flat = flat - basis @ (basis.T @ flat)
-    variances = np.einsum("ij,jk,ik->i", flat, rig.covariance, flat).reshape(-1, 3).sum(axis=1)
+    variances = ((flat @ rig.covariance) * flat).sum(axis=1).reshape(-1, 3).sum(axis=1)
     errors: Array = np.sqrt(np.maximum(variances, 0.0))
     return errors
 

@@ -67,7 +67,9 @@ class CalibratedRig:
 
     @property
     def rejected(self) -> Array:
-        """Return whether most points of a view (V,) were left out."""
+        """Return whether most points of a view (V,) were left out; free points have no views."""
+        if not self.views:
+            return np.zeros(len(self.seen.cameras), bool)
         found = np.array([len(view.numbers) for view in self.views])
         return 2 * np.diff(self.seen.starts) < found
 
@@ -130,7 +132,7 @@ def _calibrated(
     if clocks:
         state = replace(state, cameras=_with_clocks(seen, _speeds(ordered, seen, state), state.cameras))
     for _ in range(MOST_ROUNDS):
-        before, noise = noise, _robust_noise(seen, state, len(cameras))
+        before, noise = noise, robust_noise(seen, state, len(cameras))
         seen = seen._replace(variances=(noise**2)[seen.cameras[seen.views]])
         if clocks:
             seen = seen._replace(twists=_twists(seen, _speeds(ordered, seen, state), state))
@@ -142,12 +144,12 @@ def _calibrated(
             break
         if (np.abs(noise / before - 1.0) < SETTLED).all():
             break
-    _refuse_contradictions(cameras, _robust_noise(seen, state, len(cameras)))
+    _refuse_contradictions(cameras, robust_noise(seen, state, len(cameras)))
     good = ((residuals_of(seen, state) ** 2) / seen.variances[:, None] < OUTLIER**2).all(axis=1)
     outliers = np.bincount(seen.cameras[seen.views][~good], minlength=len(cameras))
     seen = _kept(seen, good)
     state = adjust(seen, state, PLAIN)
-    noise = _plain_noise(seen, state, len(cameras))
+    noise = plain_noise(seen, state, len(cameras))
     seen = seen._replace(variances=(noise**2)[seen.cameras[seen.views]])
     state = adjust(seen, state, PLAIN)
     covariance, index = covariance_of(seen, state)
@@ -251,18 +253,19 @@ def _with_jitter(seen: Observations, state: Adjustment) -> Adjustment:
 def _freedom(seen: Observations, state: Adjustment) -> float:
     """Return the share of the residuals that the unknowns do not explain."""
     known = 2 * len(seen.pixels)
-    unknown = int(state.cameras.free.sum()) + POSE * (len(seen.firsts) - 1)
+    own = POSE if seen.points.any() else POSE // 2  # a free point has a position only
+    unknown = int(state.cameras.free.sum()) + own * (len(seen.firsts) - 1)
     return max(1.0 - unknown / known, 0.1)
 
 
-def _robust_noise(seen: Observations, state: Adjustment, cameras: int) -> Array:
+def robust_noise(seen: Observations, state: Adjustment, cameras: int) -> Array:
     """Return the noise (C,) px per axis from the median of the squared residuals of each camera."""
     medians = np.array([np.median(own) for own in _squares(seen, state, cameras)])
     noise: Array = np.maximum(np.sqrt(medians / (MEDIAN_SQUARE * _freedom(seen, state))), LEAST_NOISE_PX)
     return noise
 
 
-def _plain_noise(seen: Observations, state: Adjustment, cameras: int) -> Array:
+def plain_noise(seen: Observations, state: Adjustment, cameras: int) -> Array:
     """Return the noise (C,) px per axis from the mean of the squared residuals of each camera."""
     means = np.array([own.mean() for own in _squares(seen, state, cameras)])
     noise: Array = np.maximum(np.sqrt(0.5 * means / _freedom(seen, state)), LEAST_NOISE_PX)

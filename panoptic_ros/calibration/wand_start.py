@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import cv2
 import numpy as np
 
 from panoptic_ros.calibration.bundle import Adjustment, CameraStates, Targets
+from panoptic_ros.calibration.essential import epipolar_residuals, fitted_essential, relative_pose
 from panoptic_ros.calibration.lens_start import one_camera
 from panoptic_ros.calibration.projection import POSE
 from panoptic_ros.calibration.rig_start import CameraInput, RigStart
@@ -118,49 +118,26 @@ def _relative_pose(first: Array, second: Array, points: Array, gate: float) -> t
     Args:
         first, second: (K, N, 2) markers in the plane at 1 m.
     """
-    essential = _essential(first[:, [0, -1]].mean(axis=1), second[:, [0, -1]].mean(axis=1), gate)
+    essential = fitted_essential(first[:, [0, -1]].mean(axis=1), second[:, [0, -1]].mean(axis=1), gate)
     if essential is None:
         return None
     for _ in range(2):
-        kept = _sampson(essential, first, second).max(axis=1)
-        turned = _sampson(essential, first, second[:, ::-1]).max(axis=1)
+        kept = epipolar_residuals(essential, first, second).max(axis=1)
+        turned = epipolar_residuals(essential, first, second[:, ::-1]).max(axis=1)
         second = np.where((turned < kept)[:, None, None], second[:, ::-1], second)
         good = np.minimum(kept, turned) < gate
         if good.sum() < FEWEST:
             good = np.argsort(np.minimum(kept, turned))[:FEWEST]
-        essential = _essential(first[good].reshape(-1, 2), second[good].reshape(-1, 2), gate)
+        essential = fitted_essential(first[good].reshape(-1, 2), second[good].reshape(-1, 2), gate)
         if essential is None:
             return None
-    _, rotation, move, _ = cv2.recoverPose(
-        essential, first[good].reshape(-1, 2), second[good].reshape(-1, 2), np.eye(3)
-    )
-    pose = Rigid(rotation, move.reshape(3))
+    pose = relative_pose(essential, first[good].reshape(-1, 2), second[good].reshape(-1, 2))
     placed = _triangulated([Rigid.identity(), pose], np.stack([first, second], axis=2))
     length = np.linalg.norm(placed[:, -1] - placed[:, 0], axis=1)
     true = float(np.linalg.norm(points[-1] - points[0]))
     scale = true / float(np.nanmedian(length))
     support = int((np.abs(scale * length / true - 1.0) < LONGEST_ERROR).sum())
-    return Rigid(rotation, scale * pose.translation), support
-
-
-def _essential(first: Array, second: Array, gate: float) -> Array | None:
-    try:
-        essential, _ = cv2.findEssentialMat(
-            first, second, np.eye(3), method=cv2.RANSAC, prob=0.999, threshold=gate
-        )
-    except cv2.error:
-        return None
-    return None if essential is None or essential.shape[0] < 3 else essential[:3]
-
-
-def _sampson(essential: Array, first: Array, second: Array) -> Array:
-    """Return the Sampson residuals (...) of points (..., 2) of two cameras in the plane at 1 m."""
-    a = np.concatenate([first, np.ones_like(first[..., :1])], axis=-1)
-    b = np.concatenate([second, np.ones_like(second[..., :1])], axis=-1)
-    along, back = a @ essential.T, b @ essential
-    slope = (along[..., :2] ** 2).sum(axis=-1) + (back[..., :2] ** 2).sum(axis=-1)
-    residuals: Array = np.abs((b * along).sum(axis=-1)) / np.sqrt(np.maximum(slope, 1e-18))
-    return residuals
+    return Rigid(pose.rotation, scale * pose.translation), support
 
 
 def _triangulated(poses: Sequence[Rigid], plane: Array) -> Array:

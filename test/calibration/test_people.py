@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from panoptic_ros.calibration.bundle import residuals_of
+from panoptic_ros.calibration.essential import epipolar_residuals, essential_of
 from panoptic_ros.calibration.people.bones import SHARES, STATURE_M, bones_of, log_scale
 from panoptic_ros.calibration.people.excerpts import MOST_SEGMENTS, SEGMENT_S, excerpt_of
 from panoptic_ros.calibration.people.frame import Bodies, body_axis, scale_of, scaled
 from panoptic_ros.calibration.people.identities import identities_of
-from panoptic_ros.calibration.people.pairs import TrackletMatch, epipolar_residuals, essential_of
+from panoptic_ros.calibration.people.pairs import TrackletMatch
 from panoptic_ros.calibration.people.quality import doubts_of_people
 from panoptic_ros.calibration.people.sightings import sightings_at
 from panoptic_ros.calibration.people.solve import used_joints

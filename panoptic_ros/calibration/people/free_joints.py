@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.calibration.bundle import (
-    Adjustment,
-    CameraStates,
-    Observations,
-    Targets,
-    adjust,
-    residuals_of,
-)
+from panoptic_ros.calibration.bundle import Adjustment, CameraStates, Observations, adjust, residuals_of
+from panoptic_ros.calibration.free_points import kept_points, points_at, points_seen
 from panoptic_ros.calibration.people.sightings import JointSightings
 from panoptic_ros.calibration.projection import POSE
 from panoptic_ros.geometry import ProjectionStack, triangulate_robust
@@ -76,21 +69,9 @@ def free_joints(
     target, camera = np.nonzero(given)
     tracklet = source[who[target], when[target], camera]
     at = (tracklet, when[target], joint[target])
-    count = len(target)
-    seen = Observations(
-        cameras=camera,
-        targets=target,
-        starts=np.arange(count + 1),
-        firsts=np.searchsorted(target, np.arange(len(points) + 1)),
-        numbers=np.zeros(count, np.int64),
-        points=np.zeros((count, 3)),
-        pixels=np.ascontiguousarray(sightings.points[at]),
-        variances=np.full(count, START_PX**2),
-        delays=sightings.late[tracklet, when[target]],
-        twists=np.zeros((len(points), POSE)),
-    )
-    targets = Targets(np.tile(np.eye(3), (len(points), 1, 1)), points)
-    state = Adjustment(cameras, targets, np.zeros(count))
+    seen = points_seen(camera, target, sightings.points[at], START_PX**2)
+    seen = seen._replace(delays=sightings.late[tracklet, when[target]])
+    state = Adjustment(cameras, points_at(points), np.zeros(len(target)))
     joints = FreeJoints(seen, sightings.plane_speeds[at], sightings.scores[at], who, when, joint)
     return with_velocities(joints, state), state
 
@@ -257,23 +238,7 @@ def exchanged(joints: FreeJoints, state: Adjustment, sides: Sides) -> Array:
 
 def kept_joints(joints: FreeJoints, state: Adjustment, good: Array) -> tuple[FreeJoints, Adjustment]:
     """Return the joints with the good observations (M,) of points that two cameras still see."""
-    seen = joints.seen
-    good = good & (np.bincount(seen.targets, weights=good)[seen.targets] >= 2)
-    used, targets = np.unique(seen.targets[good], return_inverse=True)
-    count = int(good.sum())
-    kept = Observations(
-        seen.cameras[good],
-        targets,
-        np.arange(count + 1),
-        np.searchsorted(targets, np.arange(len(used) + 1)),
-        seen.numbers[good],
-        seen.points[good],
-        seen.pixels[good],
-        seen.variances[good],
-        seen.delays[good],
-        seen.twists[used],
-    )
-    points = Targets(state.targets.rotations[used], state.targets.translations[used])
+    kept, state, good, used = kept_points(joints.seen, state, good)
     found = FreeJoints(
         kept,
         joints.speeds[good],
@@ -282,4 +247,4 @@ def kept_joints(joints: FreeJoints, state: Adjustment, good: Array) -> tuple[Fre
         joints.instants[used],
         joints.joints[used],
     )
-    return found, replace(state, targets=points, shifts=np.zeros(count))
+    return found, state

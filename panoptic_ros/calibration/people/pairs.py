@@ -5,9 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
+from panoptic_ros.calibration.essential import (
+    epipolar_residuals,
+    fitted_essential,
+    parallax,
+    relative_pose,
+)
 from panoptic_ros.calibration.people.bones import Bones, log_scale
 from panoptic_ros.calibration.people.sightings import JointSightings
 from panoptic_ros.geometry import ProjectionStack, Rigid, triangulate_linear
@@ -92,23 +97,6 @@ def common_joints(seen: JointSightings, a: int, b: int) -> _Common | None:
     )
 
 
-def essential_of(pose: Rigid) -> Array:
-    """Return the essential matrix (3, 3) of a pose, second camera from first."""
-    x, y, z = pose.translation / max(float(np.linalg.norm(pose.translation)), 1e-12)
-    matrix: Array = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ pose.rotation
-    return matrix
-
-
-def epipolar_residuals(essential: Array, first: Array, second: Array) -> Array:
-    """Return the Sampson residuals (M,) of normalised points (M, 2) of two cameras."""
-    a = np.concatenate([first, np.ones((len(first), 1))], axis=1)
-    b = np.concatenate([second, np.ones((len(second), 1))], axis=1)
-    along, back = a @ essential.T, b @ essential
-    slope = (along[:, :2] ** 2).sum(axis=1) + (back[:, :2] ** 2).sum(axis=1)
-    residuals: Array = np.abs((b * along).sum(axis=1)) / np.sqrt(np.maximum(slope, 1e-18))
-    return residuals
-
-
 def matches_of(common: _Common, essential: Array, gate: float, seen: JointSightings) -> list[TrackletMatch]:
     """Return the pairs of tracklets that an essential matrix explains, best first, each instant once.
 
@@ -179,18 +167,7 @@ def _of_matches(common: _Common, matches: Sequence[TrackletMatch]) -> Array:
 def _fitted(common: _Common, joints: Array, most: int, gate: float) -> Array | None:
     """Return the essential matrix (3, 3) of at most `most` of the joints by RANSAC; None if it has none."""
     chosen = joints[np.unique(np.linspace(0, len(joints) - 1, most).astype(int))]
-    try:
-        essential, _ = cv2.findEssentialMat(
-            common.first[chosen],
-            common.second[chosen],
-            np.eye(3),
-            method=cv2.RANSAC,
-            prob=0.999,
-            threshold=gate,
-        )
-    except cv2.error:
-        return None
-    return None if essential is None or essential.shape[0] < 3 else essential[:3]
+    return fitted_essential(common.first[chosen], common.second[chosen], gate)
 
 
 def _link(
@@ -207,20 +184,15 @@ def _link(
     if use.sum() < FEWEST_JOINTS:
         return None
     first, second = common.first[use], common.second[use]
-    _, rotation, move, _ = cv2.recoverPose(essential, first, second, np.eye(3))
-    pose = Rigid(rotation, move.reshape(3))
+    pose = relative_pose(essential, first, second)
     logs = [log_scale(_triangulated(seen, match, pose), bones) for match in matches]
     weights = np.array([match.score for match in matches])
     known = np.isfinite(logs)
     if not known.any():
         return None
     scale = float(np.exp(np.average(np.array(logs)[known], weights=weights[known])))
-    rays = [np.concatenate([p, np.ones((len(p), 1))], axis=1) for p in (first, second)]
-    rays = [ray / np.linalg.norm(ray, axis=1, keepdims=True) for ray in rays]
-    angle = np.linalg.norm(np.cross(rays[0] @ rotation.T, rays[1]), axis=1)
-    return CameraLink(
-        Rigid(rotation, scale * pose.translation), matches, float(weights.sum() * np.median(angle))
-    )
+    support = float(weights.sum() * parallax(pose, first, second))
+    return CameraLink(Rigid(pose.rotation, scale * pose.translation), matches, support)
 
 
 def _triangulated(seen: JointSightings, match: TrackletMatch, pose: Rigid) -> Array:

@@ -16,6 +16,8 @@ from panoptic_ros.calibration.bundle import (
     covariance_of,
     residuals_of,
 )
+from panoptic_ros.calibration.essential import essential_of
+from panoptic_ros.calibration.free_points import with_gauge
 from panoptic_ros.calibration.people.bones import Bones, bones_of
 from panoptic_ros.calibration.people.excerpts import excerpt_of
 from panoptic_ros.calibration.people.free_joints import (
@@ -32,7 +34,6 @@ from panoptic_ros.calibration.people.pairs import (
     CameraLink,
     TrackletMatch,
     common_joints,
-    essential_of,
     link_cameras,
     matches_of,
 )
@@ -186,13 +187,10 @@ def _links(
 
 
 def _placed(states: CameraStates, poses: Sequence[Rigid]) -> CameraStates:
-    """Return the cameras at their poses, with one free length fixed: the longest of all translations."""
+    """Return the cameras at their poses, with one free length fixed."""
     translations = np.stack([pose.translation for pose in poses])
-    free = states.free.copy()
-    camera, axis = np.unravel_index(np.argmax(np.abs(translations)), translations.shape)
-    free[camera, 3 + axis] = False
     rotations = np.stack([pose.rotation for pose in poses])
-    return replace(states, rotations=rotations, translations=translations, free=free)
+    return with_gauge(replace(states, rotations=rotations, translations=translations))
 
 
 def _with_clocks(states: CameraStates) -> CameraStates:
