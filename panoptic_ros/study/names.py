@@ -36,6 +36,10 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
         "calibration.boards:Calibration",
         "cameras from simulated recordings of a board: errors beside the Cramer-Rao bound, time",
     ),
+    "calibration-pattern": (
+        "calibration.pattern:CalibrationPattern",
+        "cameras from a projected pattern: errors beside the bound; time and memory with 480 and 521 cameras",
+    ),
     "calibration-people": (
         "calibration.people:CalibrationPeople",
         "cameras from people who walk, simulated or recorded: errors beside predicted ones, clocks, time",

@@ -28,6 +28,7 @@ SMALLEST = {  # options of the smallest case
     "ablation": "--scenes three-views-2p --seeds 3 --frames 4 --only lag",
     "alignment": "--scenes body-walk --seeds 1",
     "calibration": "--cases 4x60 --seeds 0",
+    "calibration-pattern": "--cases 24 --seeds 0",
     "calibration-people": "--cases 4 --seeds 1 --seconds 2",
     "camera-health": "--cases 5x1 --events none --quiet-s 1 --seeds 0",
     "captures": "--scenes body-leaves --seeds 1",

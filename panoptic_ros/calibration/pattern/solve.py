@@ -30,7 +30,13 @@ from panoptic_ros.calibration.pattern.tracks import PatternSightings, thinned
 from panoptic_ros.calibration.people.frame import TAPE_SD_M
 from panoptic_ros.calibration.projection import POSE
 from panoptic_ros.calibration.rig_start import SCALE, CameraInput
-from panoptic_ros.calibration.solve import OUTLIER, CalibratedRig, plain_noise, robust_noise
+from panoptic_ros.calibration.solve import (
+    CONTRADICTION_PX,
+    OUTLIER,
+    CalibratedRig,
+    plain_noise,
+    robust_noise,
+)
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.geometry import ProjectionStack, Rigid
 from panoptic_ros.stage import Progress
@@ -125,9 +131,9 @@ def _refuse_few(cameras: Sequence[CameraInput], sightings: PatternSightings) -> 
 def _unlinked(cameras: Sequence[CameraInput], missing: Sequence[str]) -> str:
     more = len(missing) > 1
     return (
-        f"camera{'s' * more} {', '.join(missing)}: too few points in common with {cameras[0].name} or a camera "
-        f"linked to it, at least {FEWEST} are needed; show the pattern where both see it, or leave the "
-        f"camera{'s' * more} out"
+        f"camera{'s' * more} {', '.join(missing)}: too few points in common with {cameras[0].name} or a "
+        f"camera linked to it, at least {FEWEST} are needed; show the pattern where both see it, or "
+        f"leave the camera{'s' * more} out"
     )
 
 
@@ -146,6 +152,7 @@ def _adjusted(
         noise = robust_noise(seen, state, count)
         seen = seen._replace(variances=(noise**2)[seen.cameras])
     progress(0.6, "outliers")
+    _refuse_contradictions(cameras, noise)
     good = ((residuals_of(seen, state) ** 2) < OUTLIER**2 * seen.variances[:, None]).all(axis=1)
     before = np.bincount(seen.cameras, minlength=count)
     seen, state, _, _ = kept_points(seen, state, good)
@@ -157,6 +164,21 @@ def _adjusted(
     covariance, index = covariance_of(seen, state)
     links = _links(seen, count)
     return CalibratedRig(tuple(cameras), (), seen, state, covariance, index, noise, links, outliers)
+
+
+def _refuse_contradictions(cameras: Sequence[CameraInput], noise: Array) -> None:
+    """Refuse cameras whose pixels do not fit to those of the others, given the noise (C,) px of all cameras.
+
+    Raises:
+        CalibrationError: naming these cameras.
+    """
+    names = [f"{own.name} ({px:.0f} px)" for own, px in zip(cameras, noise) if px > CONTRADICTION_PX]
+    if names:
+        raise CalibrationError(
+            f"camera{'s' * (len(names) > 1)} {', '.join(names)}: points of the pattern contradict those of "
+            "other cameras; check that its intrinsics are those of this lens and image size, and that its "
+            "images show the same scenes"
+        )
 
 
 def _links(seen: Observations, count: int) -> dict[tuple[int, int], int]:

@@ -125,19 +125,29 @@ def _resected(table: PatternTable, states: CameraStates, points: Array, camera: 
     """Return the pose of a camera from known points (B, 3); None if they contradict each other."""
     use = table.given[:, camera] & np.isfinite(points).all(axis=1)
     gate = RESECTION_PX / float(states.lenses[camera, :2].mean())
-    own, plane = points[use], table.plane[use, camera]
-    scale = float(np.linalg.norm(own - own.mean(axis=0), axis=1).mean())
+    scale = float(np.linalg.norm(points[use] - points[use].mean(axis=0), axis=1).mean())
+    own, plane = points[use] / scale, table.plane[use, camera]
     try:
         found, turn, move, inliers = cv2.solvePnPRansac(
-            own / scale, plane, np.eye(3), None, reprojectionError=gate, flags=cv2.SOLVEPNP_AP3P
+            own, plane, np.eye(3), None, reprojectionError=gate, flags=cv2.SOLVEPNP_AP3P
         )
         if not found or len(inliers) < max(FEWEST, LEAST_SHARE * len(own)):
             return None
-        chosen = inliers.reshape(-1)
-        turn, move = cv2.solvePnPRefineLM(own[chosen] / scale, plane[chosen], np.eye(3), None, turn, move)
+        own, plane = own[inliers.reshape(-1)], plane[inliers.reshape(-1)]
+        _, turns, moves, _ = cv2.solvePnPGeneric(own, plane, np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP)
+        poses = [
+            cv2.solvePnPRefineLM(own, plane, np.eye(3), None, *start)
+            for start in [(turn, move), *zip(turns, moves)]
+        ]
+        turn, move = min(poses, key=lambda pose: _miss(own, plane, *pose))
     except cv2.error:
         return None
     return Rigid(cv2.Rodrigues(turn)[0], scale * move.reshape(3))
+
+
+def _miss(points: Array, plane: Array, turn: Array, move: Array) -> float:
+    """Return the mean squared residual of a pose on the plane at 1 m; a flat target has two local minima."""
+    return float(np.square(cv2.projectPoints(points, turn, move, np.eye(3), None)[0][:, 0] - plane).mean())
 
 
 def _points(table: PatternTable, states: CameraStates, placed: dict[int, Rigid], which: Array) -> Array:

@@ -34,7 +34,6 @@ Array = np.ndarray
 BOARD = Board("checkerboard", 7, 10, 0.06)
 FISHEYE = LensModel(fisheye=True, terms=4)
 CALIBRATED = (5e-3, 3.0, 0.02)  # the same, of lenses that were calibrated before the wand
-TINY = 1e-12
 EXACT = (1e-6, 1e-3, 1e-6)  # relative focal length, px, distortion: deviations of lenses taken as known
 
 
@@ -125,14 +124,7 @@ class Calibration(Study):
     def _wand_row(self, chosen: BoardCase, wand: Wand, seed: int) -> Row:
         """Return the row of a wand, with lenses that are as wrong as their covariance states."""
         session, rng = simulate_board(chosen.scene, wand.points, seed), np.random.default_rng(seed)
-        inputs = []
-        for camera in session.rig.cameras:
-            own = CameraInput(camera.name, camera.image_size)
-            lens, information = with_known_lens(own, camera.intrinsics, CALIBRATED).known or (None, None)
-            assert lens is not None and information is not None
-            sd = 1.0 / np.sqrt(np.maximum(np.diag(information), TINY))
-            drawn = lens + np.where(np.diag(information) > TINY, sd * rng.standard_normal(len(lens)), 0.0)
-            inputs.append(own._replace(known=(drawn, information)))
+        inputs = uncertain_inputs(session.rig, CALIBRATED, rng)
         views = [TargetView(*view) for view in session.views]
         empty: Row = dict.fromkeys(column.key for column in self.columns) | {"program": OWN, "note": ""}
         begin = time.perf_counter()
@@ -189,6 +181,23 @@ class Calibration(Study):
         )
 
 
+def uncertain_inputs(rig: Rig, sd: tuple[float, float, float], rng: np.random.Generator) -> list[CameraInput]:
+    """Return cameras with lenses that are as wrong as their covariance states.
+
+    Args:
+        sd: Standard deviations, see `with_known_lens`.
+    """
+    inputs = []
+    for camera in rig.cameras:
+        own = CameraInput(camera.name, camera.image_size)
+        lens, information = with_known_lens(own, camera.intrinsics, sd).known or (None, None)
+        assert lens is not None and information is not None
+        drawn = lens + rng.standard_normal(len(lens)) / np.sqrt(np.diag(information))
+        drawn[4 + len(camera.intrinsics.distortion) :] = 0.0
+        inputs.append(own._replace(known=(drawn, information)))
+    return inputs
+
+
 def _cost(scene: BoardScene) -> float:
     return float(scene.instants * scene.cameras)
 
@@ -198,7 +207,7 @@ def errors_of(found: CalibratedRig, session: BoardSession) -> Row:
     states, points = found.state.cameras, space_of(found)
     rig = rig_in_world(found, Rigid.identity())
     errors = camera_errors(rig, session.rig, points)
-    apart = _apart(rig, session.rig)
+    apart = poses_apart(rig, session.rig)
     nees = []
     for c in range(1, len(rig)):
         rows = found.index[c, :POSE]
@@ -221,7 +230,7 @@ def camera_errors(rig: Rig, truth: Rig, points: Array | None) -> Row:
     Args:
         points: (N, 3) m, points in which triangulation is scored; None = it is not.
     """
-    apart = _apart(rig, truth)
+    apart = poses_apart(rig, truth)
     focal = [
         own.intrinsics.matrix[0, 0] / true.intrinsics.matrix[0, 0] - 1.0
         for own, true in zip(rig.cameras, truth.cameras)
@@ -237,7 +246,7 @@ def camera_errors(rig: Rig, truth: Rig, points: Array | None) -> Row:
     }
 
 
-def _apart(rig: Rig, truth: Rig) -> Array:
+def poses_apart(rig: Rig, truth: Rig) -> Array:
     """Return the rotation vectors, rad, and translations, m, (C, 6) from cameras to their truth."""
     reference = truth.cameras[0].cam_from_world.inverse()
     true = [camera.cam_from_world.compose(reference) for camera in truth.cameras]
