@@ -64,9 +64,9 @@ CASES = {
 }
 LARGE = {
     "480": PatternCase(
-        PatternScene((CameraModel(480, VGA, VGA_FOCAL),), tents=3, points=6000, detected=0.3), True
+        PatternScene((CameraModel(480, VGA, VGA_FOCAL),), scenes=3, points=2000, detected=0.235), True
     ),
-    "521-six-scenes": PatternCase(PatternScene(ENTIRE, scenes=6, points=1000, detected=0.3), True),
+    "521-six-scenes": PatternCase(PatternScene(ENTIRE, scenes=6, points=1000, detected=0.212), True),
 }
 
 
