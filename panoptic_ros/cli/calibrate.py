@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from panoptic_ros.errors import UsageError
-from panoptic_ros.running.arguments import output_file, output_folder, within
+from panoptic_ros.running.arguments import camera_distance, output_file, output_folder, within
 
 if TYPE_CHECKING:
     from panoptic_ros.running.calibration.calibrate import BoardCalibration
@@ -54,6 +54,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--synchronous", action="store_true", help="cameras are synchronous: estimate no clock offsets"
     )
+    parser.add_argument(
+        "--depth-sensor",
+        action="append",
+        default=[],
+        metavar="INFRARED=COLOUR",
+        help="camera with the infrared images of a depth sensor, and the colour camera in its housing. "
+        "INFRARED_depth/ has its depth maps, whose scale is estimated; repeatable",
+    )
     _add_people_options(parser)
     parser.add_argument("--paper", help="paper of `print board`, e.g. a4; default: the smallest that fits")
     parser.add_argument(
@@ -80,23 +88,10 @@ def _add_people_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--distance",
-        type=_distance,
+        type=camera_distance,
         metavar="CAM_A,CAM_B=M",
         help="with --people: measured distance of two lenses, m; it gives the scale",
     )
-
-
-def _distance(text: str) -> tuple[str, str, float]:
-    """Return two cameras and their distance, m."""
-    names, _, metres = text.partition("=")
-    first, _, second = names.partition(",")
-    try:
-        found = float(metres)
-    except ValueError:
-        found = 0.0
-    if not (first and second and first != second and 0.01 <= found <= 1000.0):
-        raise argparse.ArgumentTypeError(f"{text!r}: write CAM_A,CAM_B=METRES, e.g. cam0,cam1=3.42")
-    return first, second, found
 
 
 def _run_people(args: argparse.Namespace, out: Path) -> int:
@@ -151,6 +146,7 @@ def run(args: argparse.Namespace) -> int:
     if args.what is not None:
         raise UsageError(f"{args.what}: one folder is expected; options begin with --")
     from panoptic_ros.running.calibration.calibrate import calibrate_recording
+    from panoptic_ros.running.calibration.depth_sensors import sensors_of
     from panoptic_ros.running.plans.rig_files import read_rig_at
     from panoptic_ros.view.progress import PassBar
 
@@ -164,23 +160,22 @@ def run(args: argparse.Namespace) -> int:
             known=known,
             floor_s=args.floor,
             synchronous=args.synchronous,
+            sensors=sensors_of(args.depth_sensor),
         )
     return _finish(args, out, found)
 
 
 def _run_wand(args: argparse.Namespace, out: Path) -> int:
     """Calibrate cameras with known lenses from a wand."""
-    from panoptic_ros.calibration.wands import parse_wand
     from panoptic_ros.running.calibration.calibrate import calibrate_with_wand
     from panoptic_ros.running.plans.rig_files import read_rig_at
     from panoptic_ros.view.progress import PassBar
 
     if args.floor is not None or args.lens != "brown":
         raise UsageError("--floor and --lens are for boards; a wand refines the lenses of --intrinsics")
-    wand = parse_wand(args.board)
     known = read_rig_at(args.intrinsics) if args.intrinsics else None
     with PassBar("images") as bar:
-        found = calibrate_with_wand(Path(args.folder), wand, bar.show, known, args.synchronous)
+        found = calibrate_with_wand(Path(args.folder), args.board, bar.show, known, args.synchronous)
     return _finish(args, out, found)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,11 +16,12 @@ from panoptic_ros.calibration.rig_start import CameraInput
 from panoptic_ros.calibration.solve import CalibratedRig, calibrate_from, calibrate_rig
 from panoptic_ros.calibration.stretch import jackknife_sd, stretch_of
 from panoptic_ros.calibration.wand_start import start_wand
-from panoptic_ros.calibration.wands import Wand
+from panoptic_ros.calibration.wands import Wand, parse_wand
 from panoptic_ros.calibration.world import floor_from_images, floor_from_target, rig_in_world
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.domain.camera import POSE_AND_MATRIX
 from panoptic_ros.errors import CalibrationError, UsageError
+from panoptic_ros.running.calibration.depth_sensors import NO_SENSORS, check_sensors, with_depth_sensors
 from panoptic_ros.running.calibration.recorded_board import BoardRecording, read_board_views
 from panoptic_ros.running.calibration.recorded_wand import read_wand_views
 from panoptic_ros.stage import Progress
@@ -66,6 +68,7 @@ def calibrate_recording(
     known: Rig | None = None,
     floor_s: float | None = None,
     synchronous: bool = False,
+    sensors: Mapping[str, str] = NO_SENSORS,
 ) -> BoardCalibration:
     """Return the calibration of the cameras of a folder or bag.
 
@@ -74,12 +77,14 @@ def calibrate_recording(
         known: Cameras with known intrinsics.
         floor_s: Time, s since the first image, at which the board lies on the floor; None = never.
         synchronous: The cameras are synchronous; clock offsets are not estimated.
+        sensors: Colour camera by the name of the camera that shows the infrared images of a depth sensor.
 
     Raises:
         UserError: if the recording does not give a calibration.
     """
     recording = read_board_views(path, board, progress)
     check_all_see(recording, "board")
+    check_sensors(recording.names, sensors)
     inputs = [
         input_of(name, size, MODELS[lens], known) for name, size in zip(recording.names, recording.sizes)
     ]
@@ -107,8 +112,10 @@ def calibrate_recording(
         )
     else:
         world = floor_from_target(solved, _nearest_target(solved, floor_s))
+    rig, told = with_depth_sensors(rig_in_world(solved, world), solved, recording.depths, sensors)
+    notices += told
     return BoardCalibration(
-        rig_in_world(solved, world),
+        rig,
         board,
         recording,
         solved,
@@ -119,17 +126,19 @@ def calibrate_recording(
 
 
 def calibrate_with_wand(
-    path: Path, wand: Wand, progress: Progress, known: Rig | None, synchronous: bool = False
+    path: Path, text: str, progress: Progress, known: Rig | None, synchronous: bool = False
 ) -> BoardCalibration:
     """Return the calibration of the cameras of a folder or bag from a wand.
 
     Args:
+        text: Specification of the wand, see `parse_wand`.
         known: Cameras with known intrinsics, which are refined.
         synchronous: The cameras are synchronous; clock offsets are not estimated.
 
     Raises:
         UserError: if the recording does not give a calibration.
     """
+    wand = parse_wand(text)
     recording = read_wand_views(path, wand, progress)
     check_all_see(recording, "wand")
     inputs = [
