@@ -24,9 +24,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "folder",
         metavar="FOLDER|BAG",
         help="folder with one video or folder of images per camera, or a bag with their images; "
-        "`print board` writes the board as PDF",
+        "`print board` writes the board as PDF, `print pattern` a random pattern",
     )
-    parser.add_argument("what", nargs="?", metavar="board", help=argparse.SUPPRESS)
+    parser.add_argument("what", nargs="?", metavar="board|pattern", help=argparse.SUPPRESS)
     parser.add_argument(
         "--board",
         default=BOARD,
@@ -63,6 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "INFRARED_depth/ has its depth maps, whose scale is estimated; repeatable",
     )
     _add_people_options(parser)
+    _add_pattern_options(parser)
     parser.add_argument("--paper", help="paper of `print board`, e.g. a4; default: the smallest that fits")
     parser.add_argument(
         "--out",
@@ -90,7 +91,19 @@ def _add_people_options(parser: argparse.ArgumentParser) -> None:
         "--distance",
         type=camera_distance,
         metavar="CAM_A,CAM_B=M",
-        help="with --people: measured distance of two lenses, m; it gives the scale",
+        help="with --people or --pattern: measured distance of two lenses, m; it gives the scale",
+    )
+
+
+def _add_pattern_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--pattern",
+        action="store_true",
+        help="calibrate from a random pattern, projected or printed, with --intrinsics and --distance. "
+        "Images of the same number show the same scene in all cameras",
+    )
+    parser.add_argument(
+        "--refine", action="store_true", help="with --pattern: poses of --intrinsics are approximately right"
     )
 
 
@@ -128,17 +141,26 @@ def run(args: argparse.Namespace) -> int:
     out = output_file(args.out) if args.folder == PRINT else output_folder(args.out)
     if args.people:
         return _run_people(args, output_folder(args.out))
-    if args.stature or args.distance:
-        raise UsageError("--stature and --distance are for --people; a board gives the scale itself")
+    if args.pattern:
+        return _run_pattern(args, out)
+    if args.stature or args.distance or args.refine:
+        raise UsageError(
+            "--stature and --distance are for --people, --distance and --refine for --pattern; a board gives "
+            "the scale itself"
+        )
     if args.board.startswith(WAND) and args.folder != PRINT:
         return _run_wand(args, out)
     board = board_of(args.board)
     if args.folder == PRINT:
-        from panoptic_ros.view.board_print import write_board
+        from panoptic_ros.view.board_print import write_board, write_pattern
 
+        if args.what == "pattern":
+            paper = write_pattern(out, args.paper or "")
+            print(f"{out}: random pattern on {paper} paper; project it, or print it several times")
+            return 0
         if args.what != "board":
             raise UsageError(
-                f"`panoptic calibrate print` prints a board; give `print board --out {args.out}`"
+                f"`panoptic calibrate print` prints a board or a pattern; give `print board --out {args.out}`"
             )
         paper = write_board(out, board, args.board, args.paper or "")
         print(f"{out}: {args.board} on {paper} paper; print it at 100 % and measure it")
@@ -176,6 +198,20 @@ def _run_wand(args: argparse.Namespace, out: Path) -> int:
     known = read_rig_at(args.intrinsics) if args.intrinsics else None
     with PassBar("images") as bar:
         found = calibrate_with_wand(Path(args.folder), args.board, bar.show, known, args.synchronous)
+    return _finish(args, out, found)
+
+
+def _run_pattern(args: argparse.Namespace, out: Path) -> int:
+    """Calibrate cameras with known lenses from a random pattern."""
+    from panoptic_ros.running.calibration.calibrate_pattern import calibrate_from_pattern
+    from panoptic_ros.running.plans.rig_files import read_rig_at
+    from panoptic_ros.view.progress import PassBar
+
+    if args.floor is not None or args.lens != "brown" or args.stature or args.depth_sensor:
+        raise UsageError("--floor, --lens, --stature and --depth-sensor are not for --pattern")
+    known = read_rig_at(args.intrinsics) if args.intrinsics else None
+    with PassBar("images") as bar:
+        found = calibrate_from_pattern(Path(args.folder), known, args.distance, args.refine, bar.show)
     return _finish(args, out, found)
 
 

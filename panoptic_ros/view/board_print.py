@@ -1,4 +1,4 @@
-"""Print a calibration board to scale, as PDF."""
+"""Print a calibration board to scale, or a random pattern, as PDF."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from pathlib import Path
 
 from panoptic_ros.calibration.board_artwork import black_rectangles
 from panoptic_ros.calibration.boards import Board
+from panoptic_ros.calibration.pattern.artwork import random_pattern
 from panoptic_ros.errors import UsageError
 from panoptic_ros.io.files import write_bytes
-from panoptic_ros.view.plotting import Figure, Rectangle
+from panoptic_ros.view.plotting import Axes, Figure, Rectangle
 
 PAPERS = {
     "a4": (0.210, 0.297),
@@ -34,14 +35,9 @@ def write_board(path: Path, board: Board, title: str, paper: str = "") -> str:
     Raises:
         UsageError: if the board does not fit, or the file is not a PDF.
     """
-    if path.suffix.lower() != ".pdf":
-        raise UsageError(f"boards are written as .pdf, not {path.name}")
+    _check_suffix(path)
     name, width, height = _page(board, paper)
-    figure = Figure(figsize=(width / INCH, height / INCH))
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    axes.set_axis_off()
-    axes.set_xlim(0.0, width)
-    axes.set_ylim(height, 0.0)
+    figure, axes = _empty(width, height)
     across, down = board.extent
     left, top = 0.5 * (width - across), 0.5 * (height - NOTE - down)
     for x, y, w, h in black_rectangles(board):
@@ -54,18 +50,61 @@ def write_board(path: Path, board: Board, title: str, paper: str = "") -> str:
         va="bottom",
         fontsize=8,
     )
+    _save(path, figure)
+    return name
+
+
+def write_pattern(path: Path, paper: str = "") -> str:
+    """Write a random pattern as PDF, and return the name of the paper.
+
+    Args:
+        paper: a name of `PAPERS`; "" = the first.
+
+    Raises:
+        UsageError: if the paper is unknown, or the file is not a PDF.
+    """
+    _check_suffix(path)
+    name = _named(paper) or next(iter(PAPERS))
+    width, height = PAPERS[name]
+    figure, axes = _empty(width, height)
+    cells = random_pattern(width - 2.0 * MARGIN, height - 2.0 * MARGIN)
+    edges = (MARGIN, width - MARGIN, height - MARGIN, MARGIN)
+    axes.imshow(cells, cmap="gray_r", interpolation="nearest", extent=edges, aspect="auto")
+    _save(path, figure)
+    return name
+
+
+def _check_suffix(path: Path) -> None:
+    if path.suffix.lower() != ".pdf":
+        raise UsageError(f"boards and patterns are written as .pdf, not {path.name}")
+
+
+def _empty(width: float, height: float) -> tuple[Figure, Axes]:
+    """Return an empty page of a width and height, m, with y down."""
+    figure = Figure(figsize=(width / INCH, height / INCH))
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set_axis_off()
+    axes.set_xlim(0.0, width)
+    axes.set_ylim(height, 0.0)
+    return figure, axes
+
+
+def _save(path: Path, figure: Figure) -> None:
     data = BytesIO()
     figure.savefig(data, format="pdf", metadata={"CreationDate": None})
     write_bytes(path, data.getvalue())
-    return name
+
+
+def _named(paper: str) -> str:
+    if paper.lower() not in ("", *PAPERS):
+        raise UsageError(f"unknown paper {paper}; papers are {', '.join(PAPERS)}")
+    return paper.lower()
 
 
 def _page(board: Board, paper: str) -> tuple[str, float, float]:
     """Return the name, width and height, m, of the paper; it is turned if the board is wider than high."""
     across, down = board.extent
-    if paper.lower() not in ("", *PAPERS):
-        raise UsageError(f"unknown paper {paper}; papers are {', '.join(PAPERS)}")
-    for name in [paper.lower()] if paper else PAPERS:
+    for name in [_named(paper)] if paper else PAPERS:
         short, long = PAPERS[name]
         width, height = (long, short) if across > down else (short, long)
         if across + 2.0 * MARGIN <= width and down + 2.0 * MARGIN + NOTE <= height:

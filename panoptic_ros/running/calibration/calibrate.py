@@ -51,7 +51,7 @@ class BoardCalibration:
     """
 
     rig: Rig
-    board: Board | Wand
+    board: Board | Wand | None
     recording: BoardRecording
     solved: CalibratedRig
     quality: Quality
