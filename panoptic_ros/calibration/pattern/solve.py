@@ -122,9 +122,10 @@ def _refuse_few(cameras: Sequence[CameraInput], sightings: PatternSightings) -> 
     """
     counts = np.bincount(sightings.cameras, minlength=len(cameras))
     if few := [f"{camera.name} ({n})" for camera, n in zip(cameras, counts) if n < FEWEST]:
+        more = len(few) > 1
         raise CalibrationError(
-            f"camera{'s' * (len(few) > 1)} {', '.join(few)}: too few points in common with other cameras, "
-            f"at least {FEWEST} are needed; show more of the pattern, or leave the camera out"
+            f"camera{'s' * more} {', '.join(few)}: too few points in common with other cameras, at least "
+            f"{FEWEST} are needed; show more of the pattern, or leave the camera{'s' * more} out"
         )
 
 
