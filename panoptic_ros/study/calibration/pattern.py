@@ -121,10 +121,10 @@ class CalibrationPattern(Study):
         apart = session.rig.cameras[first].centre - session.rig.cameras[second].centre
         tape = (first, second, float(np.linalg.norm(apart)) + TAPE_SD_M * rng.standard_normal())
         sightings = PatternSightings(session.cameras, session.points, session.pixels)
-        steps: list[tuple[str, float, float]] = []
+        steps: list[tuple[str, float, float, float]] = []
 
         def step(share: float, doing: str) -> None:
-            steps.append((doing, time.perf_counter(), memory_gb()))
+            steps.append((doing, time.perf_counter(), time.process_time(), memory_gb()))
             progress(share, doing)
 
         row: Row = {"case": name, "seed": seed, "observations": len(session.pixels), "note": ""}
@@ -135,8 +135,9 @@ class CalibrationPattern(Study):
             yield {**row, "failed": 1.0, "note": str(error), "steps": []}
             return
         step(1.0, "end")
-        ends = [(steps[k + 1][1] - own[1], steps[k + 1][2]) for k, own in enumerate(steps[:-1])]
-        row["steps"] = [(own[0], seconds, memory) for own, (seconds, memory) in zip(steps, ends)]
+        row["steps"] = [
+            (own[0], end[1] - own[1], end[2] - own[2], end[3]) for own, end in zip(steps, steps[1:])
+        ]
         row |= {"failed": 0.0, "solve_s": time.perf_counter() - begin, "memory_gb": memory_gb()}
         yield {**row, **_errors(found, session)}
 
@@ -145,9 +146,12 @@ class CalibrationPattern(Study):
         notes = [f"{row['case']}, seed {row['seed']}: {row['note']}" for row in result["rows"] if row["note"]]
         for row in result["rows"]:
             if row["case"] in LARGE:
-                notes.append(f"{row['case']}, seed {row['seed']}: seconds and greatest memory of each step")
+                notes.append(
+                    f"{row['case']}, seed {row['seed']}: time, time of processors, greatest memory of each step"
+                )
                 notes += [
-                    f"  {doing:12} {seconds:6.1f} s  {gb:.2f} GB" for doing, seconds, gb in row["steps"]
+                    f"  {doing:12} {seconds:6.1f} s {own:6.1f} s  {gb:.2f} GB"
+                    for doing, seconds, own, gb in row["steps"]
                 ]
         return [*super().lines(result), *([""] if notes else []), *notes]
 
