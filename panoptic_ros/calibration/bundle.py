@@ -237,12 +237,15 @@ def _stepped(seen: Observations, state: Adjustment, system: _System) -> Adjustme
     )
 
 
-def adjust(seen: Observations, state: Adjustment, scale: float, most: int = 50) -> Adjustment:
+def adjust(
+    seen: Observations, state: Adjustment, scale: float, most: int = 50, converged: float = CONVERGED
+) -> Adjustment:
     """Return the state of least cost.
 
     Args:
         scale: scale of the Cauchy weights, in standard deviations.
         most: greatest number of steps, refused ones included.
+        converged: relative decrease of the cost below which the steps end.
     """
     state = replace(state, cost=total_cost(seen, state, scale))
     damping = DAMPING
@@ -257,7 +260,7 @@ def adjust(seen: Observations, state: Adjustment, scale: float, most: int = 50) 
             if damping > GREATEST_DAMPING:
                 break
             continue
-        done = state.cost - cost < CONVERGED * cost
+        done = state.cost - cost < converged * cost
         state = replace(found, cost=cost, steps=state.steps + 1)
         damping = max(damping * FALL, 1e-12)
         if done:

@@ -133,9 +133,9 @@ def _dome(models: tuple[CameraModel, ...], rng: np.random.Generator) -> Rig:
 
 def _tents(scene: PatternScene, rng: np.random.Generator) -> tuple[Array, Array]:
     """Return random points (N, 3) m on the slopes of tents, and the normals (N, 3) of their slopes."""
-    middles = rng.uniform(*SPACE, (scene.tents, 3))
+    middles = rng.uniform(SPACE[0], SPACE[1], (scene.tents, 3))
     turns = rng.uniform(0.0, np.pi, scene.tents)
-    tilts = rng.uniform(*TILT, (scene.tents, 2))
+    tilts = rng.uniform(TILT[0], TILT[1], (scene.tents, 2))
     tent = rng.integers(scene.tents, size=scene.points)
     side = rng.integers(2, size=scene.points)
     along, down = rng.uniform(-0.5, 0.5, scene.points) * TENT[0], rng.uniform(0.0, TENT[1], scene.points)

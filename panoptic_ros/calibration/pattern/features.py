@@ -32,7 +32,7 @@ class ImageFeatures(NamedTuple):
 
 def features_of(grey: Array, lens: Intrinsics) -> ImageFeatures:
     """Return the features of an image (H, W) uint8."""
-    found, descriptors = cv2.SIFT_create(MOST_FEATURES, enable_precise_upscale=True).detectAndCompute(
+    found, descriptors = cv2.SIFT.create(MOST_FEATURES, enable_precise_upscale=True).detectAndCompute(
         grey, None
     )
     if not found:

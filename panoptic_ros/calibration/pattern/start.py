@@ -158,7 +158,7 @@ def _points(table: PatternTable, states: CameraStates, placed: dict[int, Rigid],
         np.stack([placed[c].translation for c in order]),
         states.lenses[order, :2].mean(axis=1),
     )
-    return triangulated_points(stack, table.plane[np.ix_(which, order)], START_PX)
+    return triangulated_points(stack, table.plane[which][:, order], START_PX)
 
 
 def triangulated_points(stack: ProjectionStack, plane: Array, noise_px: float) -> Array:

@@ -7,6 +7,7 @@ import resource
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -135,9 +136,7 @@ class CalibrationPattern(Study):
             yield {**row, "failed": 1.0, "note": str(error), "steps": []}
             return
         step(1.0, "end")
-        row["steps"] = [
-            (own[0], end[1] - own[1], end[2] - own[2], end[3]) for own, end in zip(steps, steps[1:])
-        ]
+        row["steps"] = [(own[0], end[1] - own[1], end[2] - own[2], end[3]) for own, end in pairwise(steps)]
         row |= {"failed": 0.0, "solve_s": time.perf_counter() - begin, "memory_gb": memory_gb()}
         yield {**row, **_errors(found, session)}
 
@@ -147,7 +146,7 @@ class CalibrationPattern(Study):
         for row in result["rows"]:
             if row["case"] in LARGE:
                 notes.append(
-                    f"{row['case']}, seed {row['seed']}: time, time of processors, greatest memory of each step"
+                    f"{row['case']}, seed {row['seed']}: time, processor time, greatest memory of each step"
                 )
                 notes += [
                     f"  {doing:12} {seconds:6.1f} s {own:6.1f} s  {gb:.2f} GB"
