@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from panoptic_ros.cli.calibrate_free import (
+    add_pattern_options,
+    add_people_options,
+    finish,
+    run_pattern,
+    run_people,
+)
 from panoptic_ros.errors import UsageError
-from panoptic_ros.running.arguments import camera_distance, output_file, output_folder, within
-
-if TYPE_CHECKING:
-    from panoptic_ros.running.calibration.calibrate import BoardCalibration
+from panoptic_ros.running.arguments import output_file, output_folder, within
 
 WAND = "wand:"  # begin of the specification of a wand
 PRINT = "print"  # first argument that prints a target; a folder of this name is ./print
@@ -62,8 +64,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="camera with the infrared images of a depth sensor, and the colour camera in its housing. "
         "INFRARED_depth/ has its depth maps, whose scale is estimated; repeatable",
     )
-    _add_people_options(parser)
-    _add_pattern_options(parser)
+    add_people_options(parser)
+    add_pattern_options(parser)
     parser.add_argument("--paper", help="paper of `print board`, e.g. a4; default: the smallest that fits")
     parser.add_argument(
         "--out",
@@ -74,75 +76,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quiet", action="store_true", help="print no summary")
 
 
-def _add_people_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--people",
-        action="store_true",
-        help="calibrate from people who walk, without a board. FOLDER is a capture folder, results of a run, "
-        "a bag, or a file of 2D poses. --intrinsics gives the lenses, unless the recording has a calibration",
-    )
-    parser.add_argument(
-        "--stature",
-        type=within(float, 0.5, 2.5),
-        metavar="M",
-        help="with --people: mean stature of the people, m; it gives the scale",
-    )
-    parser.add_argument(
-        "--distance",
-        type=camera_distance,
-        metavar="CAM_A,CAM_B=M",
-        help="with --people or --pattern: measured distance of two lenses, m; it gives the scale",
-    )
-
-
-def _add_pattern_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--pattern",
-        action="store_true",
-        help="calibrate from a random pattern, projected or printed, with --intrinsics and --distance. "
-        "Images of the same number show the same scene in all cameras",
-    )
-    parser.add_argument(
-        "--refine", action="store_true", help="with --pattern: poses of --intrinsics are approximately right"
-    )
-
-
-def _run_people(args: argparse.Namespace, out: Path) -> int:
-    """Calibrate cameras from people."""
-    from panoptic_ros.running.calibration.calibrate_people import (
-        calibrate_recorded_people,
-        write_people_calibration,
-    )
-    from panoptic_ros.view.people_report import people_table
-    from panoptic_ros.view.progress import PassBar
-
-    with PassBar("people") as bar:
-        found = calibrate_recorded_people(
-            Path(args.folder),
-            args.intrinsics,
-            bar.show,
-            stature_m=args.stature,
-            distance=args.distance,
-            synchronous=args.synchronous,
-        )
-    files = write_people_calibration(out, found)
-    for line in (*found.notices, *found.doubts):
-        print(f"warning: {line}", file=sys.stderr)
-    if not args.quiet:
-        print("\n".join(people_table(found.quality.rig, found.predicted)))
-        print(f"{out}: {', '.join(files)}")
-    return 0
-
-
 def run(args: argparse.Namespace) -> int:
     """Calibrate the cameras of a folder, or print a board."""
     from panoptic_ros.running.calibration.recorded_board import board_of  # imported here to keep --help fast
 
     out = output_file(args.out) if args.folder == PRINT else output_folder(args.out)
     if args.people:
-        return _run_people(args, output_folder(args.out))
+        return run_people(args, output_folder(args.out))
     if args.pattern:
-        return _run_pattern(args, out)
+        return run_pattern(args, out)
     if args.stature or args.distance or args.refine:
         raise UsageError(
             "--stature and --distance are for --people, --distance and --refine for --pattern; a board gives "
@@ -184,7 +126,7 @@ def run(args: argparse.Namespace) -> int:
             synchronous=args.synchronous,
             sensors=sensors_of(args.depth_sensor),
         )
-    return _finish(args, out, found)
+    return finish(args, out, found)
 
 
 def _run_wand(args: argparse.Namespace, out: Path) -> int:
@@ -198,32 +140,4 @@ def _run_wand(args: argparse.Namespace, out: Path) -> int:
     known = read_rig_at(args.intrinsics) if args.intrinsics else None
     with PassBar("images") as bar:
         found = calibrate_with_wand(Path(args.folder), args.board, bar.show, known, args.synchronous)
-    return _finish(args, out, found)
-
-
-def _run_pattern(args: argparse.Namespace, out: Path) -> int:
-    """Calibrate cameras with known lenses from a random pattern."""
-    from panoptic_ros.running.calibration.calibrate_pattern import calibrate_from_pattern
-    from panoptic_ros.running.plans.rig_files import read_rig_at
-    from panoptic_ros.view.progress import PassBar
-
-    if args.floor is not None or args.lens != "brown" or args.stature or args.depth_sensor:
-        raise UsageError("--floor, --lens, --stature and --depth-sensor are not for --pattern")
-    known = read_rig_at(args.intrinsics) if args.intrinsics else None
-    with PassBar("images") as bar:
-        found = calibrate_from_pattern(Path(args.folder), known, args.distance, args.refine, bar.show)
-    return _finish(args, out, found)
-
-
-def _finish(args: argparse.Namespace, out: Path, found: BoardCalibration) -> int:
-    """Write the results and print the summary."""
-    from panoptic_ros.running.calibration.results import write_calibration
-    from panoptic_ros.view.calibration_report import quality_table
-
-    files = write_calibration(out, found)
-    for line in (*found.notices, *found.doubts):
-        print(f"warning: {line}", file=sys.stderr)
-    if not args.quiet:
-        print("\n".join(quality_table(found.quality)))
-        print(f"{out}: {', '.join(files)}")
-    return 0
+    return finish(args, out, found)

@@ -14,7 +14,7 @@ from panoptic_ros.geometry import Intrinsics
 
 Array = np.ndarray
 MOST_FEATURES = 2000  # per image
-RATIO = 0.8  # of the distances to the best and the second descriptor (Lowe 2004)
+RATIO = 0.8  # greatest ratio of the distances to the best and the second descriptor (Lowe 2004)
 SAME_PX = 0.01  # px, features at one place with several orientations
 
 

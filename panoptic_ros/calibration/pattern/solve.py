@@ -206,7 +206,7 @@ def with_distance(rig: CalibratedRig, first: int, second: int, metres: float) ->
     turns, moves = states.rotations, states.translations
     apart = turns[first].T @ moves[first] - turns[second].T @ moves[second]  # second centre minus first
     length = float(np.linalg.norm(apart))
-    slope = np.zeros(len(rig.covariance))  # of the logarithm of the distance
+    slope = np.zeros(len(rig.covariance))  # derivative of the logarithm of the distance
     for camera, sign in ((first, -1.0), (second, 1.0)):
         along = -sign * turns[camera] @ apart / length**2  # by the translation
         by_pose = np.concatenate([np.cross(along, moves[camera]), along])

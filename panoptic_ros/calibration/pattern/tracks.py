@@ -8,7 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 Array = np.ndarray
-MOST_POINTS = 6000  # of an adjustment; its time grows with points times squared views, its errors hardly fall
+MOST_POINTS = (
+    6000  # in an adjustment, whose time grows with points times squared views, its errors hardly fall
+)
 
 
 class PatternSightings(NamedTuple):
