@@ -103,7 +103,7 @@ class PastSums:
         return full
 
     def _compare(self, cameras: list[int]) -> None:
-        """Compute all gains, and learn the scatter of some cameras from gains older than the newest blocks."""
+        """Compute all gains, and learn the scatter of cameras from gains before the newest blocks."""
         self.gains = self._all_gains()
         ready = self.ready
         for c in cameras:

@@ -46,7 +46,7 @@ def test_a_tilt_of_a_fifth_of_a_degree_is_named_within_six_seconds(camera):
 
 
 def test_a_turn_about_the_optical_axis_is_named_by_its_own_uncertainty():
-    notices, _ = told(after(2, walkers.turned(CAMERAS[2], (0.0, 0.0, 0.3))))
+    notices, _ = told(after(2, walkers.turned(CAMERAS[2], (0.0, 0.0, 0.4))))
     assert notices[0][0] <= EVENT_S + SOON_S
     assert {(n.code, n.values["device"]) for _, n in notices} == {("health.turned", "cam2")}
 
