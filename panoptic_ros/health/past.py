@@ -27,6 +27,7 @@ TURN, ZOOM = (0, 1, 2), (3,)  # parameters of the two kinds of changes
 SCATTER, SCATTER_LOOKS = 0.036, 2.0 * 2 * WINDOW
 # Prior standard deviations: 1 deg and 3 % of the focal length. They bound estimates of a narrow view.
 PRIOR = 1.0 / np.array([0.0175, 0.0175, 0.0175, 0.03]) ** 2
+DIAGONAL = np.diag(PRIOR)
 
 
 class NormalEquations(NamedTuple):
@@ -84,34 +85,34 @@ class PastSums:
         Args:
             keep: Weight that the past keeps per block.
         """
-        full: list[int] = np.flatnonzero(self.frames >= BLOCK_FRAMES).tolist()
-        for c in full:
-            if self.blocks[c] == 2 * WINDOW:
-                self.past_normals[c] = keep * self.past_normals[c] + self.block_normals[c, 0] / WINDOW
-                self.past_vectors[c] = keep * self.past_vectors[c] + self.block_vectors[c, 0] / WINDOW
-                self.looks[c] = keep * self.looks[c] + 1.0 / WINDOW
-            self.block_normals[c, :-1] = self.block_normals[c, 1:].copy()
-            self.block_vectors[c, :-1] = self.block_vectors[c, 1:].copy()
-            self.block_normals[c, -1] = self.normals[c] / self.frames[c]
-            self.block_vectors[c, -1] = self.vectors[c] / self.frames[c]
-            self.blocks[c] = min(self.blocks[c] + 1, 2 * WINDOW)
-            self.normals[c], self.vectors[c], self.frames[c] = 0.0, 0.0, 0
-            normal = self.block_normals[c].sum(axis=0) / WINDOW + np.diag(PRIOR)
-            self.expected[c] = np.linalg.solve(normal, self.block_vectors[c].sum(axis=0) / WINDOW)
-        if full:
-            self._compare(full)
-        return full
+        full = np.flatnonzero(self.frames >= BLOCK_FRAMES)
+        if not len(full):
+            return []
+        old = full[self.blocks[full] == 2 * WINDOW]
+        self.past_normals[old] = keep * self.past_normals[old] + self.block_normals[old, 0] / WINDOW
+        self.past_vectors[old] = keep * self.past_vectors[old] + self.block_vectors[old, 0] / WINDOW
+        self.looks[old] = keep * self.looks[old] + 1.0 / WINDOW
+        self.block_normals[full, :-1] = self.block_normals[full, 1:]
+        self.block_vectors[full, :-1] = self.block_vectors[full, 1:]
+        self.block_normals[full, -1] = self.normals[full] / self.frames[full, None, None]
+        self.block_vectors[full, -1] = self.vectors[full] / self.frames[full, None]
+        self.blocks[full] = np.minimum(self.blocks[full] + 1, 2 * WINDOW)
+        self.normals[full], self.vectors[full], self.frames[full] = 0.0, 0.0, 0
+        normal = self.block_normals[full].sum(axis=1) / WINDOW + DIAGONAL
+        vector = self.block_vectors[full].sum(axis=1) / WINDOW
+        self.expected[full] = np.linalg.solve(normal, vector[..., None])[..., 0]
+        self._compare(full)
+        cameras: list[int] = full.tolist()
+        return cameras
 
-    def _compare(self, cameras: list[int]) -> None:
+    def _compare(self, cameras: Array) -> None:
         """Compute all gains, and learn the scatter of cameras from gains before the newest blocks."""
         self.gains = self._all_gains()
-        ready = self.ready
-        for c in cameras:
-            if np.isfinite(self.recent[c, 0]):
-                self.squares[c] += self.recent[c, 0]
-                self.counts[c] += 1.0
-            self.recent[c, :-1] = self.recent[c, 1:].copy()
-            self.recent[c, -1] = self.gains[c, 0] if ready[c] else np.nan
+        known = cameras[np.isfinite(self.recent[cameras, 0])]
+        self.squares[known] += self.recent[known, 0]
+        self.counts[known] += 1.0
+        self.recent[cameras, :-1] = self.recent[cameras, 1:]
+        self.recent[cameras, -1] = np.where(self.ready[cameras], self.gains[cameras, 0], np.nan)
 
     def restart(self, camera: int) -> None:
         """Forget the newest evidence of a camera, but not its past."""
@@ -132,7 +133,7 @@ class PastSums:
         """
         normal = self.block_normals[camera, blocks].mean(axis=0)
         vector = self.block_vectors[camera, blocks].mean(axis=0)
-        both = normal + self.past_normals[camera] + np.diag(PRIOR)
+        both = normal + self.past_normals[camera] + DIAGONAL
         share = np.linalg.solve(both, normal).T
         return NormalEquations(normal - share @ normal, vector - share @ (vector + self.past_vectors[camera]))
 
@@ -149,10 +150,10 @@ class PastSums:
         differs between joints counts as noise.
         """
         normal, vector = self.block_normals.mean(axis=1), self.block_vectors.mean(axis=1)[..., None]
-        both = normal + self.past_normals + np.diag(PRIOR)
+        both = normal + self.past_normals + DIAGONAL
         share = np.linalg.solve(both, normal).swapaxes(1, 2)
         left = vector - share @ (vector + self.past_vectors[..., None])
-        right = normal - share @ normal + np.diag(PRIOR)
+        right = normal - share @ normal + DIAGONAL
         turn = (left[:, :3] * np.linalg.solve(right[:, :3, :3], left[:, :3])).sum(axis=(1, 2))
         zoom = left[:, 3, 0] ** 2 / right[:, 3, 3]
         gains: Array = np.where(self.ready[:, None], np.stack([turn, zoom], axis=1), 0.0)
