@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from panoptic_ros.errors import UsageError
-from panoptic_ros.running.arguments import output_file, output_folder, within
+from panoptic_ros.running.arguments import camera_distance, output_file, output_folder, within
 
 if TYPE_CHECKING:
     from panoptic_ros.running.calibration.calibrate import BoardCalibration
@@ -80,23 +80,11 @@ def _add_people_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--distance",
-        type=_distance,
+        type=camera_distance,
         metavar="CAM_A,CAM_B=M",
-        help="with --people: measured distance of two lenses, m; it gives the scale",
+        help="measured distance of two lenses, m: with --people it gives the scale, with a board it checks the "
+        "square size",
     )
-
-
-def _distance(text: str) -> tuple[str, str, float]:
-    """Return two cameras and their distance, m."""
-    names, _, metres = text.partition("=")
-    first, _, second = names.partition(",")
-    try:
-        found = float(metres)
-    except ValueError:
-        found = 0.0
-    if not (first and second and first != second and 0.01 <= found <= 1000.0):
-        raise argparse.ArgumentTypeError(f"{text!r}: write CAM_A,CAM_B=METRES, e.g. cam0,cam1=3.42")
-    return first, second, found
 
 
 def _run_people(args: argparse.Namespace, out: Path) -> int:
@@ -133,8 +121,8 @@ def run(args: argparse.Namespace) -> int:
     out = output_file(args.out) if args.folder == PRINT else output_folder(args.out)
     if args.people:
         return _run_people(args, output_folder(args.out))
-    if args.stature or args.distance:
-        raise UsageError("--stature and --distance are for --people; a board gives the scale itself")
+    if args.stature:
+        raise UsageError("--stature is for --people; a board gives the scale itself")
     if args.board.startswith(WAND) and args.folder != PRINT:
         return _run_wand(args, out)
     board = board_of(args.board)
@@ -164,6 +152,7 @@ def run(args: argparse.Namespace) -> int:
             known=known,
             floor_s=args.floor,
             synchronous=args.synchronous,
+            distance=args.distance,
         )
     return _finish(args, out, found)
 
@@ -180,7 +169,9 @@ def _run_wand(args: argparse.Namespace, out: Path) -> int:
     wand = parse_wand(args.board)
     known = read_rig_at(args.intrinsics) if args.intrinsics else None
     with PassBar("images") as bar:
-        found = calibrate_with_wand(Path(args.folder), wand, bar.show, known, args.synchronous)
+        found = calibrate_with_wand(
+            Path(args.folder), wand, bar.show, known, args.synchronous, args.distance
+        )
     return _finish(args, out, found)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from panoptic_ros.calibration.solve import CalibratedRig, calibrate_from, calibr
 from panoptic_ros.calibration.stretch import jackknife_sd, stretch_of
 from panoptic_ros.calibration.wand_start import start_wand
 from panoptic_ros.calibration.wands import Wand
+from panoptic_ros.calibration.tape import TAPE_SD_M, distance_of
 from panoptic_ros.calibration.world import floor_from_images, floor_from_target, rig_in_world
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.domain.camera import POSE_AND_MATRIX
@@ -28,6 +30,7 @@ Array = np.ndarray
 # standard deviations of given intrinsics whose file states no covariance: relative, px, without unit
 KNOWN_FOCAL, KNOWN_CENTRE_PX, KNOWN_TERM = 0.01, 5.0, 0.05
 CERTAIN = 3.0  # standard deviations of a stretch of the print that is certain
+GOOD_SIZE = 0.02  # relative difference of the target's size to that by a tape, which users mistake by 1 %
 GOOD_STRETCH, REFUSED_STRETCH = 2e-3, 5e-3  # relative; 1 % triples errors, 0.3 % adds a third
 MODELS = {
     "brown": LensModel(),
@@ -66,6 +69,7 @@ def calibrate_recording(
     known: Rig | None = None,
     floor_s: float | None = None,
     synchronous: bool = False,
+    distance: tuple[str, str, float] | None = None,
 ) -> BoardCalibration:
     """Return the calibration of the cameras of a folder or bag.
 
@@ -74,12 +78,14 @@ def calibrate_recording(
         known: Cameras with known intrinsics.
         floor_s: Time, s since the first image, at which the board lies on the floor; None = never.
         synchronous: The cameras are synchronous; clock offsets are not estimated.
+        distance: Names of two cameras and their measured distance, m, which checks the size of the board.
 
     Raises:
         UserError: if the recording does not give a calibration.
     """
     recording = read_board_views(path, board, progress)
     check_all_see(recording, "board")
+    check_names(distance, recording.names)
     inputs = [
         input_of(name, size, MODELS[lens], known) for name, size in zip(recording.names, recording.sizes)
     ]
@@ -98,6 +104,7 @@ def calibrate_recording(
     notices = list(recording.notices)
     if stretched:
         notices.append(f"{_stretched(stretch)}; measure both sides, and print it again at 100 %")
+    notices += wrong_sizes(solved, distance, "its squares")
     if floor_s is None:
         world = floor_from_images(solved)
         notices.append(
@@ -119,19 +126,26 @@ def calibrate_recording(
 
 
 def calibrate_with_wand(
-    path: Path, wand: Wand, progress: Progress, known: Rig | None, synchronous: bool = False
+    path: Path,
+    wand: Wand,
+    progress: Progress,
+    known: Rig | None,
+    synchronous: bool = False,
+    distance: tuple[str, str, float] | None = None,
 ) -> BoardCalibration:
     """Return the calibration of the cameras of a folder or bag from a wand.
 
     Args:
         known: Cameras with known intrinsics, which are refined.
         synchronous: The cameras are synchronous; clock offsets are not estimated.
+        distance: Names of two cameras and their measured distance, m, which checks the size of the wand.
 
     Raises:
         UserError: if the recording does not give a calibration.
     """
     recording = read_wand_views(path, wand, progress)
     check_all_see(recording, "wand")
+    check_names(distance, recording.names)
     inputs = [
         input_of(name, size, LensModel(), known) for name, size in zip(recording.names, recording.sizes)
     ]
@@ -145,8 +159,36 @@ def calibrate_with_wand(
         "on the floor for `panoptic rig convert --floor-points`"
     )
     rig = rig_in_world(solved, floor_from_images(solved))
-    notices = (*recording.notices, up)
+    notices = (*recording.notices, *wrong_sizes(solved, distance, "its lengths"), up)
     return BoardCalibration(rig, wand, recording, solved, quality, tuple(doubts(quality, "wand")), notices)
+
+
+def check_names(distance: tuple[str, str, float] | None, names: Sequence[str]) -> None:
+    """Refuse a measured distance of cameras that the recording does not have.
+
+    Raises:
+        UsageError: naming the camera.
+    """
+    for name in distance[:2] if distance is not None else ():
+        if name not in names:
+            raise UsageError(f"--distance: there is no camera {name!r}; cameras are {', '.join(names)}")
+
+
+def wrong_sizes(solved: CalibratedRig, distance: tuple[str, str, float] | None, target: str) -> list[str]:
+    """Return a line if a measured distance of two cameras contradicts the size of the target."""
+    if distance is None:
+        return []
+    names = [camera.name for camera in solved.inputs]
+    apart, sd = distance_of(solved, names.index(distance[0]), names.index(distance[1]))
+    factor = distance[2] / max(apart, 1e-9)
+    allowed = max(GOOD_SIZE, CERTAIN * float(np.hypot(sd, TAPE_SD_M)) / distance[2])
+    if abs(factor - 1.0) <= allowed:
+        return []
+    return [
+        f"cameras {distance[0]} and {distance[1]} are {apart:.3f} m apart with the given size of the target, "
+        f"{distance[2]:g} m with the tape: {target} are probably {factor:.3f} times as large as given; measure "
+        "them and correct --board"
+    ]
 
 
 def check_all_see(recording: BoardRecording, target: str) -> None:
