@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -81,15 +82,6 @@ def _of_camera_info(file: Path) -> Camera:
     return camera_info.camera_of(name, file, Rigid.identity())
 
 
-def _unposed(cameras: Any) -> Rig:
-    """Return a rig whose poses are 0; the up direction is unknown, so that no image is rotated.
-
-    Raises:
-        CalibrationError: if two cameras have one name.
-    """
-    found = tuple(cameras)
-    names = [item.name for item in found]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise CalibrationError(f"two files are of camera {twice[0]}; give each its own camera_name")
-    return Rig(found, up=None)
+def _unposed(cameras: Sequence[Camera]) -> Rig:
+    """Return a rig whose poses are 0; the up direction is unknown, so that no image is rotated."""
+    return Rig(tuple(replace(item, cam_from_world=Rigid.identity()) for item in cameras), up=None)
