@@ -82,8 +82,8 @@ def _add_people_options(parser: argparse.ArgumentParser) -> None:
         "--distance",
         type=camera_distance,
         metavar="CAM_A,CAM_B=M",
-        help="measured distance of two lenses, m: with --people it gives the scale, with a board it checks the "
-        "square size",
+        help="measured distance of two lenses, m: with --people it gives the scale, with a board it checks "
+        "the square size",
     )
 
 
@@ -169,9 +169,7 @@ def _run_wand(args: argparse.Namespace, out: Path) -> int:
     wand = parse_wand(args.board)
     known = read_rig_at(args.intrinsics) if args.intrinsics else None
     with PassBar("images") as bar:
-        found = calibrate_with_wand(
-            Path(args.folder), wand, bar.show, known, args.synchronous, args.distance
-        )
+        found = calibrate_with_wand(Path(args.folder), wand, bar.show, known, args.synchronous, args.distance)
     return _finish(args, out, found)
 
 

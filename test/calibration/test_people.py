@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from panoptic_ros.calibration.bundle import residuals_of
-from panoptic_ros.calibration.people.bones import SHARES, STATURE_M, bones_of, log_scale
 from panoptic_ros.calibration.people.excerpts import MOST_SEGMENTS, SEGMENT_S, excerpt_of
 from panoptic_ros.calibration.people.frame import Bodies, body_axis, scale_of, scaled
 from panoptic_ros.calibration.people.identities import identities_of
@@ -16,6 +15,7 @@ from panoptic_ros.calibration.people.quality import doubts_of_people
 from panoptic_ros.calibration.people.sightings import sightings_at
 from panoptic_ros.calibration.people.solve import used_joints
 from panoptic_ros.calibration.people.tracklets import Tracklet, image_velocities, link_camera
+from panoptic_ros.domain.bone_shares import SHARES, STATURE_M, bones_of, log_scale
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.geometry.rotations import rotations_of

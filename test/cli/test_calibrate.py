@@ -300,7 +300,5 @@ def test_a_measured_distance_checks_the_size_of_the_board(session, tmp_path, cap
 
 
 def test_a_measured_distance_of_unknown_cameras_is_refused(session, tmp_path, capsys):
-    said = refused(
-        capsys, session[0], "--board", BOARD, "--distance", "cam0,no=2", "--out", tmp_path / "o"
-    )
+    said = refused(capsys, session[0], "--board", BOARD, "--distance", "cam0,no=2", "--out", tmp_path / "o")
     assert "no camera 'no'" in said

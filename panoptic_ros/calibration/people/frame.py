@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.calibration.people.bones import ANKLE_SHARE, SHARES_SD, STATURE_M, STATURE_SD_M, log_scale
 from panoptic_ros.calibration.people.solve import LIMB_JOINTS, CalibratedPeople
 from panoptic_ros.calibration.projection import POSE
 from panoptic_ros.calibration.tape import TAPE_SD_M, distance_of
+from panoptic_ros.domain.bone_shares import ANKLE_SHARE, SHARES_SD, STATURE_M, STATURE_SD_M, log_scale
 from panoptic_ros.geometry import Rigid
 
 Array = np.ndarray

@@ -15,9 +15,9 @@ from panoptic_ros.calibration.quality import Quality, doubts, quality_of, refusa
 from panoptic_ros.calibration.rig_start import CameraInput
 from panoptic_ros.calibration.solve import CalibratedRig, calibrate_from, calibrate_rig
 from panoptic_ros.calibration.stretch import jackknife_sd, stretch_of
+from panoptic_ros.calibration.tape import TAPE_SD_M, distance_of
 from panoptic_ros.calibration.wand_start import start_wand
 from panoptic_ros.calibration.wands import Wand
-from panoptic_ros.calibration.tape import TAPE_SD_M, distance_of
 from panoptic_ros.calibration.world import floor_from_images, floor_from_target, rig_in_world
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.domain.camera import POSE_AND_MATRIX
@@ -185,9 +185,9 @@ def wrong_sizes(solved: CalibratedRig, distance: tuple[str, str, float] | None, 
     if abs(factor - 1.0) <= allowed:
         return []
     return [
-        f"cameras {distance[0]} and {distance[1]} are {apart:.3f} m apart with the given size of the target, "
-        f"{distance[2]:g} m with the tape: {target} are probably {factor:.3f} times as large as given; measure "
-        "them and correct --board"
+        f"cameras {distance[0]} and {distance[1]} are {apart:.3f} m apart by the target, but "
+        f"{distance[2]:g} m by the tape: {target} are probably {factor:.3f} times as large as given; "
+        "measure them and correct --board"
     ]
 
 

@@ -63,9 +63,7 @@ class _Sets:
             self.sets.append(replace(record, views=views))
 
 
-def plan_recording(
-    capture: Path | None, bags: Sequence[Path], rig: Path | Rig | None, skeleton: str
-) -> Plan:
+def plan_recording(capture: Path | None, bags: Sequence[Path], rig: Path | Rig | None, skeleton: str) -> Plan:
     """Return the plan of a capture folder or of bags.
 
     Args:
