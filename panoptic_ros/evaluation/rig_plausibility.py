@@ -8,14 +8,13 @@ import numpy as np
 
 from panoptic_ros.domain import Camera, Rig, SkeletonModel, ViewDetections
 from panoptic_ros.domain.bone_shares import (
-    SHARES_SD,
     STATURE_M,
     STATURE_SD_M,
     bones_of,
     log_scale,
 )
 from panoptic_ros.evaluation.rig_mistakes import could_be_reordered, in_our_order
-from panoptic_ros.stage import Notice, Severity
+from panoptic_ros.stage import Notice
 
 Array = np.ndarray
 UNITS = {"feet": 3.281, "inches": 39.37, "centimetres": 100.0, "millimetres": 1000.0, "kilometres": 0.001}
@@ -27,7 +26,7 @@ FAR_APART = 200.0  # m; largest plausible span of a rig
 MOST_TANGENTIAL = 0.03
 # share of the rig's span; closer cameras are treated as one pose, since even stereo heads are wider
 ONE_PLACE = 1e-3
-GOOD_SCALE = 0.08  # logarithm of the scale by people; their mean stature varies by 5 % for a few people
+BONES_SD = 0.03  # relative, of the mean scale by bones from two rays: joints of detectors, and noise
 CERTAIN = 3.0  # standard deviations of a scale that is certainly wrong
 ONE_DIRECTION = np.radians(0.5)  # rad; closer rotations are treated as one pose, too
 
@@ -179,17 +178,16 @@ def check_scale(people: Array, skeleton: SkeletonModel, at_once: int) -> list[No
 def _stature(people: Array, skeleton: SkeletonModel, at_once: int) -> list[Notice]:
     """Return a notice if the bones give a mean stature that adults do not have."""
     scale = log_scale(people, bones_of(skeleton, range(len(skeleton.joint_names))))
-    sd = float(np.hypot(SHARES_SD, STATURE_SD_M / STATURE_M)) / np.sqrt(max(at_once, 1))
-    if not abs(scale) > GOOD_SCALE:
+    sd = float(np.hypot(BONES_SD, STATURE_SD_M / STATURE_M / np.sqrt(max(at_once, 1))))
+    if not abs(scale) > CERTAIN * sd:
         return []
-    stature, certain = STATURE_M * np.exp(-scale), abs(scale) > CERTAIN * sd
-    severity: Severity = "warning" if certain else "info"
+    stature = STATURE_M * np.exp(-scale)
     text = (
         f"people are {stature:.2f} m tall in this rig by their arms and legs, adults {STATURE_M:.2f} ± "
         f"{STATURE_M * sd:.2f} m: lengths are {np.exp(-scale):.2f} times the true ones, unless these are "
         "children; measure the distance of two cameras for `panoptic rig convert --distance`"
     )
-    return [Notice("rig.scale", severity, text, {"factor": float(np.exp(scale))})]
+    return [Notice("rig.scale", "warning", text, {"factor": float(np.exp(scale))})]
 
 
 def _extent(points: Array) -> float:

@@ -137,7 +137,7 @@ class CalibrationPeople(Study):
         aligned = _centres_aligned(found.rig, known)
         first = found.rig.cameras[0].cam_from_world.inverse()
         points = aligned.apply(first.apply(space_of(found.solved.rig)))
-        placed = aligned_rig(found.rig, aligned)
+        placed = aligned_rig(found.rig, _aligned(found.rig, known, points)[0])
         return {
             **_limbs(self.options.capture, {"pcp": placed, "given_pcp": known}),
             "case": self.options.capture.name,
@@ -195,20 +195,26 @@ def _centres_aligned(found: Rig, truth: Rig) -> Similarity:
     )
 
 
+def _aligned(found: Rig, truth: Rig, points: Array) -> tuple[Similarity, Array]:
+    """Return the similarity from found to true cameras at points (N, 3) m, and the errors, m, that remain."""
+    pixels = []
+    for camera in truth.cameras:
+        own, seen = camera.project(points)
+        pixels.append(np.where((seen & camera.contains(own))[:, None], own, np.nan))
+    placed = triangulated(found, np.stack(pixels, axis=1))
+    good = np.isfinite(placed).all(axis=1)
+    aligned = similarity(placed[good], points[good])
+    errors = np.linalg.norm(aligned.apply(placed[good]) - points[good], axis=1)
+    return aligned, errors
+
+
 def _camera_errors(found: PeopleCalibration, truth: Rig, points: Array) -> Row:
     """Return the errors of the cameras.
 
     Args:
         points: (N, 3) m in the frame of the truth, of the space in which people walk.
     """
-    pixels = []
-    for camera in truth.cameras:
-        own, seen = camera.project(points)
-        pixels.append(np.where((seen & camera.contains(own))[:, None], own, np.nan))
-    placed = triangulated(found.rig, np.stack(pixels, axis=1))
-    good = np.isfinite(placed).all(axis=1)
-    aligned = similarity(placed[good], points[good])
-    errors = np.linalg.norm(aligned.apply(placed[good]) - points[good], axis=1)
+    aligned, errors = _aligned(found.rig, truth, points)
     turns = [
         t.cam_from_world.rotation @ aligned.rotation @ f.cam_from_world.rotation.T
         for f, t in zip(found.rig.cameras, truth.cameras)
