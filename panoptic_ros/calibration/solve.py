@@ -36,7 +36,7 @@ MEDIAN_SQUARE = 2.0 * np.log(2.0)  # median of a chi-squared variable with two d
 # px, noise of a camera beyond which its views contradict those of others. Mirrored images and second boards
 # give 3 to 130 px, webcams with random delays up to 2 px.
 CONTRADICTION_PX = 2.5
-SEPARATE = 0.7  # share of free residuals from which the noise of each camera is estimated by itself
+SEPARATE = 0.7  # share of free residuals from which each camera has a noise of its own
 MOVING_PX_S = 2.0  # px/s, median speed of a camera's points below which its clock is not estimated
 
 

@@ -54,6 +54,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--synchronous", action="store_true", help="cameras are synchronous: estimate no clock offsets"
     )
+    parser.add_argument(
+        "--depth-sensor",
+        action="append",
+        default=[],
+        metavar="INFRARED=COLOUR",
+        help="camera with the infrared images of a depth sensor, and the colour camera in its housing. "
+        "INFRARED_depth/ has its depth maps, whose scale is estimated; repeatable",
+    )
     _add_people_options(parser)
     parser.add_argument("--paper", help="paper of `print board`, e.g. a4; default: the smallest that fits")
     parser.add_argument(
@@ -139,6 +147,7 @@ def run(args: argparse.Namespace) -> int:
     if args.what is not None:
         raise UsageError(f"{args.what}: one folder is expected; options begin with --")
     from panoptic_ros.running.calibration.calibrate import calibrate_recording
+    from panoptic_ros.running.calibration.depth_sensors import sensors_of
     from panoptic_ros.running.plans.rig_files import read_rig_at
     from panoptic_ros.view.progress import PassBar
 
@@ -153,23 +162,24 @@ def run(args: argparse.Namespace) -> int:
             floor_s=args.floor,
             synchronous=args.synchronous,
             distance=args.distance,
+            sensors=sensors_of(args.depth_sensor),
         )
     return _finish(args, out, found)
 
 
 def _run_wand(args: argparse.Namespace, out: Path) -> int:
     """Calibrate cameras with known lenses from a wand."""
-    from panoptic_ros.calibration.wands import parse_wand
     from panoptic_ros.running.calibration.calibrate import calibrate_with_wand
     from panoptic_ros.running.plans.rig_files import read_rig_at
     from panoptic_ros.view.progress import PassBar
 
     if args.floor is not None or args.lens != "brown":
         raise UsageError("--floor and --lens are for boards; a wand refines the lenses of --intrinsics")
-    wand = parse_wand(args.board)
     known = read_rig_at(args.intrinsics) if args.intrinsics else None
     with PassBar("images") as bar:
-        found = calibrate_with_wand(Path(args.folder), wand, bar.show, known, args.synchronous, args.distance)
+        found = calibrate_with_wand(
+            Path(args.folder), args.board, bar.show, known, args.synchronous, args.distance
+        )
     return _finish(args, out, found)
 
 

@@ -164,7 +164,7 @@ def check_scale(people: Array, skeleton: SkeletonModel, at_once: int) -> list[No
 
     Args:
         people: Joints (M, J, 3) in the unit of the rig, NaN = missing.
-        at_once: Greatest number of people at an instant, whose statures are averaged.
+        at_once: Usual number of people in a view, whose statures are averaged.
     """
     extents = [_extent(points[np.isfinite(points).all(-1)]) for points in people]
     extent = float(np.median(extents))

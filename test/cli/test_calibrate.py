@@ -236,6 +236,34 @@ def test_images_of_another_size_are_named(session, tmp_path, capsys):
     assert "give intrinsics for this size" in refused(capsys, folder, *options)
 
 
+def test_a_depth_sensor_gets_its_pose_and_its_unit(session, tmp_path, capsys):
+    folder, truth = session
+    copied = tmp_path / "s"
+    shutil.copytree(folder, copied)
+    sensor, depths = truth.cameras[1], copied / "cam1_depth"
+    depths.mkdir()
+    rows, columns = np.mgrid[:480, :640]
+    rays = np.column_stack(
+        [sensor.intrinsics.undistort(np.column_stack([columns.ravel(), rows.ravel()])), np.ones(640 * 480)]
+    )
+    for n, pose in enumerate(board_poses(IMAGES)):
+        both = sensor.cam_from_world.compose(pose)
+        depth = (both.rotation[:, 2] @ both.translation) / (rays @ both.rotation[:, 2])
+        counts = np.clip(depth.reshape(480, 640) / 1.03 * 1000.0, 0, 60000).astype(np.uint16)
+        cv2.imwrite(str(depths / f"{n:04d}.png"), counts)
+    options = ["--board", BOARD, "--synchronous", "--out", str(tmp_path / "o")]
+    assert "no camera cam9" in refused(capsys, copied, *options, "--depth-sensor", "cam1=cam9")
+    assert "write INFRARED=COLOUR" in refused(capsys, copied, *options, "--depth-sensor", "cam1")
+    assert main(["calibrate", str(copied), *options, "--depth-sensor", "cam1=cam0"]) == 0
+    assert "too short; rig.json corrects its unit" in " ".join(capsys.readouterr().err.split())
+    found = read_rig(tmp_path / "o" / "rig.json")
+    (own,) = found.depth_sensors
+    assert found.names == ("cam0", "cam2") and own.colour_camera == "cam0"
+    assert own.unit_m == pytest.approx(1.03e-3, rel=0.015)
+    apart = np.linalg.norm(own.camera.centre - found.camera("cam0").centre)
+    assert apart == pytest.approx(distances(truth)[0, 1], abs=0.012)
+
+
 def test_a_wand_refines_known_lenses_and_gives_the_rig(tmp_path, capsys):
     rig, wand = small_rig(2), parse_wand("wand:0/100/300mm")
     rng = np.random.default_rng(0)

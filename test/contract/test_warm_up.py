@@ -25,7 +25,7 @@ CHAINS = [
     (5, {"voting": {"explain_away": False}, "association": {"temporal_guidance": False}}, ""),
     (4, {"assembly": {"learn_noise": False}, "association": {"compensate_stamps": False}}, "coco17"),
 ]  # cameras, settings, skeleton
-OTHERS = ("offsets", "continuous", "timecode", "surface", "bodies", "detection")
+OTHERS = ("offsets", "continuous", "timecode", "surface", "health", "bodies", "detection")
 
 
 def test_nothing_compiles_in_live_stages():
@@ -42,6 +42,6 @@ def test_nothing_compiles_in_live_stages():
 def test_no_other_stage_compiles():
     root = Path(panoptic_ros.__file__).parent
     tested = {"sync", *FUSION, "offsets", "timecode", "clocks", "flow", "patches", "kinematics", "detection"}
-    tested.add("continuous")
+    tested |= {"continuous", "health"}
     for name in set(NODES) - tested:
         assert not any("njit" in path.read_text() for path in (root / name).rglob("*.py")), name

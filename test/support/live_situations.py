@@ -213,6 +213,18 @@ def surface() -> set[tuple[str, str, str]]:
     return kernels() - before
 
 
+def health() -> set[tuple[str, str, str]]:
+    """People who walk, with the 2D poses that they were made from."""
+    from stage_cases import cases
+
+    case = cases()["health"]
+    stage = case.stage()
+    before = kernels()
+    for items in (case.items, case.others):
+        passed([stage], items)
+    return kernels() - before
+
+
 def bodies() -> set[tuple[str, str, str]]:
     """Somebody with an IMU in views, with one view, by IMUs alone; everybody from skeletons."""
     from stage_cases import cases
@@ -259,6 +271,7 @@ PROGRAMS: dict[str, Callable[..., set[tuple[str, str, str]]]] = {
     "continuous": continuous,
     "timecode": timecode,
     "surface": surface,
+    "health": health,
     "bodies": bodies,
     "detection": detection,
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,11 +17,12 @@ from panoptic_ros.calibration.solve import CalibratedRig, calibrate_from, calibr
 from panoptic_ros.calibration.stretch import jackknife_sd, stretch_of
 from panoptic_ros.calibration.tape import TAPE_SD_M, distance_of
 from panoptic_ros.calibration.wand_start import start_wand
-from panoptic_ros.calibration.wands import Wand
+from panoptic_ros.calibration.wands import Wand, parse_wand
 from panoptic_ros.calibration.world import floor_from_images, floor_from_target, rig_in_world
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.domain.camera import POSE_AND_MATRIX
 from panoptic_ros.errors import CalibrationError, UsageError
+from panoptic_ros.running.calibration.depth_sensors import NO_SENSORS, check_sensors, with_depth_sensors
 from panoptic_ros.running.calibration.recorded_board import BoardRecording, read_board_views
 from panoptic_ros.running.calibration.recorded_wand import read_wand_views
 from panoptic_ros.stage import Progress
@@ -70,6 +71,7 @@ def calibrate_recording(
     floor_s: float | None = None,
     synchronous: bool = False,
     distance: tuple[str, str, float] | None = None,
+    sensors: Mapping[str, str] = NO_SENSORS,
 ) -> BoardCalibration:
     """Return the calibration of the cameras of a folder or bag.
 
@@ -79,6 +81,7 @@ def calibrate_recording(
         floor_s: Time, s since the first image, at which the board lies on the floor; None = never.
         synchronous: The cameras are synchronous; clock offsets are not estimated.
         distance: Names of two cameras and their measured distance, m, which checks the size of the board.
+        sensors: Colour camera by the name of the camera that shows the infrared images of a depth sensor.
 
     Raises:
         UserError: if the recording does not give a calibration.
@@ -86,6 +89,7 @@ def calibrate_recording(
     recording = read_board_views(path, board, progress)
     check_all_see(recording, "board")
     check_names(distance, recording.names)
+    check_sensors(recording.names, sensors)
     inputs = [
         input_of(name, size, MODELS[lens], known) for name, size in zip(recording.names, recording.sizes)
     ]
@@ -114,8 +118,10 @@ def calibrate_recording(
         )
     else:
         world = floor_from_target(solved, _nearest_target(solved, floor_s))
+    rig, told = with_depth_sensors(rig_in_world(solved, world), solved, recording.depths, sensors)
+    notices += told
     return BoardCalibration(
-        rig_in_world(solved, world),
+        rig,
         board,
         recording,
         solved,
@@ -127,7 +133,7 @@ def calibrate_recording(
 
 def calibrate_with_wand(
     path: Path,
-    wand: Wand,
+    text: str,
     progress: Progress,
     known: Rig | None,
     synchronous: bool = False,
@@ -136,6 +142,7 @@ def calibrate_with_wand(
     """Return the calibration of the cameras of a folder or bag from a wand.
 
     Args:
+        text: Specification of the wand, see `parse_wand`.
         known: Cameras with known intrinsics, which are refined.
         synchronous: The cameras are synchronous; clock offsets are not estimated.
         distance: Names of two cameras and their measured distance, m, which checks the size of the wand.
@@ -143,6 +150,7 @@ def calibrate_with_wand(
     Raises:
         UserError: if the recording does not give a calibration.
     """
+    wand = parse_wand(text)
     recording = read_wand_views(path, wand, progress)
     check_all_see(recording, "wand")
     check_names(distance, recording.names)

@@ -11,14 +11,17 @@ import numpy as np
 
 from panoptic_ros.calibration.board_detector import APPEARANCES, BoardAppearance, BoardDetector
 from panoptic_ros.calibration.boards import Board, parse_board
+from panoptic_ros.calibration.depth_scale import SeenDepths
 from panoptic_ros.calibration.instants import instants_of
 from panoptic_ros.calibration.target_views import TargetView
+from panoptic_ros.capture.depth_folder import DepthSource
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.io.board_files import read_board
 from panoptic_ros.running.calibration.recorded_images import open_images
 from panoptic_ros.stage import Progress
 
 Array = np.ndarray
+AROUND_PX = 2  # px, half width of the window of a corner's depth
 MOST_IMAGES = 400  # per camera, in which the board is searched; more images change errors by a few percent
 
 
@@ -33,6 +36,7 @@ class BoardRecording:
         images: Number of images that were searched, by camera.
         mirrored: Number of views that show a mirrored board, by camera.
         pictures: By camera, the view with most corners: its index in `views`, and its image (H, W) uint8.
+        depths: Depth at the corners, of cameras with depth maps.
         notices: Lines about the recording.
     """
 
@@ -44,6 +48,7 @@ class BoardRecording:
     mirrored: tuple[int, ...]
     pictures: Mapping[int, tuple[int, Array]]
     notices: tuple[str, ...]
+    depths: tuple[SeenDepths, ...] = ()
 
 
 def board_of(text: str) -> Board:
@@ -67,6 +72,7 @@ def read_board_views(path: Path, board: Board, progress: Progress, most: int = M
     """
     views: list[TargetView] = []
     every: list[int] = []
+    depths: list[tuple[int, Array]] = []
     pictures: dict[int, tuple[int, Array]] = {}
     tried = APPEARANCES
     done = 0
@@ -96,6 +102,13 @@ def read_board_views(path: Path, board: Board, progress: Progress, most: int = M
                 mirrored[c] += found.appearance.mirrored
                 views.append(TargetView(c, 0, 0.0, found.numbers, found.pixels))
                 every.append(frame.stamp_ns)
+                if isinstance(source, DepthSource):
+                    depths.append(
+                        (
+                            len(views) - 1,
+                            depth_at(source.depth_of(frame).depth, found.pixels, source.image_size),
+                        )
+                    )
                 if c not in pictures or len(found.numbers) > len(views[pictures[c][0]].numbers):
                     pictures[c] = (len(views) - 1, grey)
             if found_as:  # all cameras see the same print
@@ -111,9 +124,29 @@ def read_board_views(path: Path, board: Board, progress: Progress, most: int = M
         TargetView(view.camera, int(instant), float(second), view.numbers, view.pixels)
         for view, instant, second in zip(views, instants, seconds)
     )
-    return BoardRecording(
-        names, sizes, placed, start, tuple(counts), tuple(mirrored), pictures, tuple(notices)
+    of_corners = tuple(
+        SeenDepths(placed[k].camera, placed[k].stamp_s, placed[k].pixels, own) for k, own in depths
     )
+    return BoardRecording(
+        names, sizes, placed, start, tuple(counts), tuple(mirrored), pictures, tuple(notices), of_corners
+    )
+
+
+def depth_at(depth: Array, pixels: Array, image_size: tuple[int, int]) -> Array:
+    """Return the median depth (K,) m of a map (H, W) m around pixels (K, 2) of its image; NaN = unknown.
+
+    Args:
+        image_size: (width, height) px of the image, which has the same field of view.
+    """
+    height, width = depth.shape
+    found = np.full(len(pixels), np.nan)
+    places = (pixels + 0.5) * np.array([width, height]) / np.array(image_size) - 0.5
+    for k, (x, y) in enumerate(np.round(places).astype(int)):
+        window = depth[max(y - AROUND_PX, 0) : y + AROUND_PX + 1, max(x - AROUND_PX, 0) : x + AROUND_PX + 1]
+        known = window[window > 0.0]
+        if 0 <= x < width and 0 <= y < height and 2 * len(known) > window.size:
+            found[k] = np.median(known)
+    return found
 
 
 def _two_boards(names: Sequence[str], twice: Sequence[int], views: Sequence[TargetView]) -> list[str]:

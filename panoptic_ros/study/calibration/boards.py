@@ -40,7 +40,7 @@ EXACT = (1e-6, 1e-3, 1e-6)  # relative focal length, px, distortion: deviations 
 
 @dataclass(frozen=True)
 class BoardCase:
-    """Case of the study: a scene, whether clocks are estimated, and the wand in place of the board."""
+    """Case of the study: a scene, whether clocks are estimated, and the wand that replaces the board."""
 
     scene: BoardScene
     clocks: bool = False
