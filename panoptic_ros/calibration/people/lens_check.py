@@ -24,7 +24,7 @@ class FocalCheck(NamedTuple):
 
     Args:
         changes, sds: (C,) of each camera.
-        common, common_sd: Of one factor for all cameras.
+        common, common_sd: Change of one factor for all cameras, and its standard deviation.
     """
 
     changes: Array
@@ -74,7 +74,7 @@ def check_focals(found: CalibratedPeople) -> FocalCheck:
 
 
 def focal_faults(check: FocalCheck, names: tuple[str, ...]) -> tuple[list[str], list[str]]:
-    """Return lines about focal lengths that are certainly wrong: those to refuse, and the other ones."""
+    """Return lines about wrong focal lengths: reasons for refusal, and reasons for doubt."""
     certain, common = check.is_certain()
     if common and (2 * certain.sum() > len(names) or not certain.any()):
         faults = [("all cameras: ", check.common, check.common_sd)]
@@ -84,7 +84,8 @@ def focal_faults(check: FocalCheck, names: tuple[str, ...]) -> tuple[list[str], 
             for name, change, sd, sure in zip(names, check.changes, check.sds, certain)
             if sure
         ]
-    refused, doubts = [], []
+    refused: list[str] = []
+    doubts: list[str] = []
     for where, change, sd in faults:
         line = (
             f"{where}people fit focal lengths {abs(change):.1%} {'shorter' if change < 0.0 else 'longer'} "
