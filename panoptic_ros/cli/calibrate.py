@@ -90,7 +90,8 @@ def _add_people_options(parser: argparse.ArgumentParser) -> None:
         "--distance",
         type=camera_distance,
         metavar="CAM_A,CAM_B=M",
-        help="with --people: measured distance of two lenses, m; it gives the scale",
+        help="measured distance of two lenses, m: with --people it gives the scale, with a board it checks "
+        "the square size",
     )
 
 
@@ -128,8 +129,8 @@ def run(args: argparse.Namespace) -> int:
     out = output_file(args.out) if args.folder == PRINT else output_folder(args.out)
     if args.people:
         return _run_people(args, output_folder(args.out))
-    if args.stature or args.distance:
-        raise UsageError("--stature and --distance are for --people; a board gives the scale itself")
+    if args.stature:
+        raise UsageError("--stature is for --people; a board gives the scale itself")
     if args.board.startswith(WAND) and args.folder != PRINT:
         return _run_wand(args, out)
     board = board_of(args.board)
@@ -160,6 +161,7 @@ def run(args: argparse.Namespace) -> int:
             known=known,
             floor_s=args.floor,
             synchronous=args.synchronous,
+            distance=args.distance,
             sensors=sensors_of(args.depth_sensor),
         )
     return _finish(args, out, found)
@@ -175,7 +177,9 @@ def _run_wand(args: argparse.Namespace, out: Path) -> int:
         raise UsageError("--floor and --lens are for boards; a wand refines the lenses of --intrinsics")
     known = read_rig_at(args.intrinsics) if args.intrinsics else None
     with PassBar("images") as bar:
-        found = calibrate_with_wand(Path(args.folder), args.board, bar.show, known, args.synchronous)
+        found = calibrate_with_wand(
+            Path(args.folder), args.board, bar.show, known, args.synchronous, args.distance
+        )
     return _finish(args, out, found)
 
 

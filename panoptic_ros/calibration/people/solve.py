@@ -16,7 +16,6 @@ from panoptic_ros.calibration.bundle import (
     covariance_of,
     residuals_of,
 )
-from panoptic_ros.calibration.people.bones import Bones, bones_of
 from panoptic_ros.calibration.people.excerpts import excerpt_of
 from panoptic_ros.calibration.people.free_joints import (
     FreeJoints,
@@ -43,6 +42,7 @@ from panoptic_ros.calibration.rig_start import CameraInput
 from panoptic_ros.calibration.solve import OUTLIER, CalibratedRig
 from panoptic_ros.calibration.target_poses import intrinsics_of, spanning_tree
 from panoptic_ros.domain import SkeletonModel, ViewDetections
+from panoptic_ros.domain.bone_shares import Bones, bones_of
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.stage import Progress
