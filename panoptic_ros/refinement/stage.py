@@ -431,7 +431,8 @@ def with_persistent(
     if calibration is None or not len(positions):
         return whole
     views = ((), None) if sources is None else (sources.cameras, sources.persons)
-    return whole + calibration.of_people(positions, *views)
+    whole += calibration.of_people(positions, *views)
+    return whole
 
 
 def _sources_of(item: TrackedPoseSet, numbers: list[int]) -> ViewSources | None:

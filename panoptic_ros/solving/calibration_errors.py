@@ -4,8 +4,8 @@ A calibration error is the same at every instant. As noise of measurements it wo
 weights of views would change. So its covariance is added once, to finished results. Cameras are independent,
 because `rig.json` stores no cross-covariances.
 
-The error that a camera adds on the plane at 1 m is linear in the inverse depth: a0 + a1 / z. Its covariance is
-C0 + C1 / z + C2 / z^2, tabulated over the image when the rig is known.
+The error that a camera adds on the plane at 1 m is linear in the inverse depth: a0 + a1 / z. Its covariance
+is C0 + C1 / z + C2 / z^2, tabulated over the image when the rig is known.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ def _table(camera: Camera) -> tuple[Array, Array, Array]:
     size = (high - low) / CELLS
     if camera.covariance is None:
         return low, size, np.zeros((CELLS, CELLS, 3, 4))
-    middles = low + size * (np.stack(np.mgrid[:CELLS, :CELLS], axis=-1) + 0.5)
+    middles = low + size * (np.moveaxis(np.indices((CELLS, CELLS)), 0, -1) + 0.5)
     radii = np.linalg.norm(middles, axis=-1, keepdims=True)
     fold = 0.95 * min(lens.radius_limit, 1e3)
     plane = (middles * np.minimum(1.0, fold / np.maximum(radii, 1e-9))).reshape(-1, 2)
@@ -138,7 +138,7 @@ def _table(camera: Camera) -> tuple[Array, Array, Array]:
 
 
 def _slopes(camera: Camera, plane: Array) -> tuple[Array, Array]:
-    """Return the slopes a0 and a1 (N, 2, M) of the error on plane points (N, 2) by the calibration's terms."""
+    """Return the slopes a0 and a1 (N, 2, M) of the error on plane points (N, 2) by the M terms."""
     lens = camera.intrinsics
     near, far = np.zeros((2, len(plane), 2, POSE_AND_MATRIX + len(lens.distortion)))
     (x, y), one, nil = plane.T, np.ones(len(plane)), np.zeros(len(plane))
