@@ -83,20 +83,30 @@ class CalibrationErrors:
         places = (plane - self.corners) / self.sizes
         seen = known[:, None] & front & (places >= 0.0).all(axis=-1) & (places <= CELLS).all(axis=-1)
         own = seen & used
-        n, c = np.nonzero(np.where((own.sum(axis=1) >= 2)[:, None], own, seen))
-        cells = np.clip(places[n, c].astype(np.int64), 0, CELLS - 1)
-        z, xy, turned = inverse[n, c], plane[n, c], self.rotations[c]
-        terms = self.tables[c, cells[:, 0], cells[:, 1]]
-        errors = (terms[:, 0] + z[:, None] * (terms[:, 1] + z[:, None] * terms[:, 2])).reshape(-1, 2, 2)
-        slopes = z[:, None, None] * (turned[:, :2] - xy[..., None] * turned[:, 2:])
-        weighted = (self.focals[c] ** 2)[:, None, None] * slopes.transpose(0, 2, 1)
-        sums = np.zeros((2, len(points), 3, 3))
-        np.add.at(sums, (0, n), weighted @ slopes)
-        np.add.at(sums, (1, n), weighted @ errors @ weighted.transpose(0, 2, 1))
-        solvable = np.bincount(n, minlength=len(points)) >= 2
-        normal = sums[0] + 1e-9 * np.trace(sums[0], axis1=1, axis2=2)[:, None, None] * np.eye(3)
-        inverses = np.linalg.inv(np.where(solvable[:, None, None], normal, np.eye(3)))
-        found: Array = inverses @ (sums[1] * solvable[:, None, None]) @ inverses
+        views = np.where((own.sum(axis=1) >= 2)[:, None], own, seen)
+        solvable = views.sum(axis=1) >= 2
+        cells = np.where(views[..., None], places, 0.0).astype(np.int64)
+        np.minimum(cells, CELLS - 1, out=cells)
+        terms = self.tables[np.arange(len(self.focals)), cells[..., 0], cells[..., 1]]
+        z = inverse[..., None]
+        errors = (terms[..., 0, :] + z * (terms[..., 1, :] + z * terms[..., 2, :]))[..., None]
+        slopes = z[..., None] * (self.rotations[:, :2] - plane[..., None] * self.rotations[:, 2:])
+        weighted = slopes * (views * self.focals**2)[..., None, None]
+        first, second = weighted[..., :1, :], weighted[..., 1:, :]
+        spread = np.concatenate(
+            [
+                errors[..., :1, :] * first + errors[..., 1:2, :] * second,
+                errors[..., 2:3, :] * first + errors[..., 3:, :] * second,
+            ],
+            axis=-2,
+        )
+        rows = (len(points), -1, 3)
+        across = weighted.reshape(rows).transpose(0, 2, 1)
+        normal = np.where(solvable[:, None, None], across @ slopes.reshape(rows), np.eye(3))
+        normal += 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+        inverses = np.linalg.inv(normal)
+        middle = across @ spread.reshape(rows) * solvable[:, None, None]
+        found: Array = inverses @ middle @ inverses
         return found
 
     def of_people(self, positions: Array, cameras: tuple[str, ...], persons: Array | None) -> Array:
