@@ -85,11 +85,8 @@ def run(args: argparse.Namespace) -> int:
         return run_people(args, output_folder(args.out))
     if args.pattern:
         return run_pattern(args, out)
-    if args.stature or args.distance or args.refine:
-        raise UsageError(
-            "--stature and --distance are for --people, --distance and --refine for --pattern; a board gives "
-            "the scale itself"
-        )
+    if args.stature or args.refine:
+        raise UsageError("--stature is for --people, --refine for --pattern; a board gives the scale itself")
     if args.board.startswith(WAND) and args.folder != PRINT:
         return _run_wand(args, out)
     board = board_of(args.board)
@@ -124,6 +121,7 @@ def run(args: argparse.Namespace) -> int:
             known=known,
             floor_s=args.floor,
             synchronous=args.synchronous,
+            distance=args.distance,
             sensors=sensors_of(args.depth_sensor),
         )
     return finish(args, out, found)
@@ -139,5 +137,7 @@ def _run_wand(args: argparse.Namespace, out: Path) -> int:
         raise UsageError("--floor and --lens are for boards; a wand refines the lenses of --intrinsics")
     known = read_rig_at(args.intrinsics) if args.intrinsics else None
     with PassBar("images") as bar:
-        found = calibrate_with_wand(Path(args.folder), args.board, bar.show, known, args.synchronous)
+        found = calibrate_with_wand(
+            Path(args.folder), args.board, bar.show, known, args.synchronous, args.distance
+        )
     return finish(args, out, found)

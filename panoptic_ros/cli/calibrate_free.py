@@ -32,7 +32,8 @@ def add_people_options(parser: argparse.ArgumentParser) -> None:
         "--distance",
         type=camera_distance,
         metavar="CAM_A,CAM_B=M",
-        help="with --people or --pattern: measured distance of two lenses, m; it gives the scale",
+        help="measured distance of two lenses, m: with --people or --pattern it gives the scale, with a board "
+        "it checks the square size",
     )
 
 

@@ -10,9 +10,17 @@ import numpy as np
 
 from panoptic_ros.continuous.clocks import CameraTimes
 from panoptic_ros.continuous.person import PersonCurve
-from panoptic_ros.continuous.reports import JointReport, RayEvidence, joint_report, pose_set, was_seen
+from panoptic_ros.continuous.reports import (
+    JointReport,
+    RayEvidence,
+    add_calibration,
+    joint_report,
+    pose_set,
+    was_seen,
+)
 from panoptic_ros.domain import JointState, RefinedPoseSet
 from panoptic_ros.errors import UsageError
+from panoptic_ros.solving.calibration_errors import CalibrationErrors
 from panoptic_ros.stage import Notice
 
 Array = np.ndarray
@@ -35,6 +43,7 @@ class ContinuousMotion:
         joints: Number of joints.
         derived: Joints that are means of others, see `SkeletonModel`.
         notices: Faults of the recording.
+        calibration: Errors of the rig's calibration; None = unknown.
     """
 
     people: tuple[PersonCurve, ...]
@@ -48,6 +57,7 @@ class ContinuousMotion:
     joints: int
     derived: tuple[tuple[int, tuple[int, ...]], ...] = ()
     notices: tuple[Notice, ...] = ()
+    calibration: CalibrationErrors | None = None
 
     def at_rate(self, rate: float) -> Array:
         """Return the instants (T,) ns k / rate after the first view, up to the last view.
@@ -86,6 +96,7 @@ class ContinuousMotion:
         """Return when a person is reported (T,), and its joints."""
         positions, covariances = person.at(times), person.covariances_at(times)
         report = joint_report(times, positions, covariances, evidence, self.period, self.derived)
+        add_calibration(report, times, evidence, self.period, self.derived, self.calibration)
         here = was_seen(times, person.seen) & (times < person.until)
         return here & (report.states != JointState.MISSING).any(axis=1), report
 

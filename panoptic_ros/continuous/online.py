@@ -30,7 +30,7 @@ from panoptic_ros.continuous.problem import (
     LearntNoise,
     TrackRays,
 )
-from panoptic_ros.continuous.reports import JointReport, RayEvidence, joint_report, was_seen
+from panoptic_ros.continuous.reports import JointReport, RayEvidence, add_calibration, joint_report, was_seen
 from panoptic_ros.continuous.returns import ReturnSearch, SeenPerson
 from panoptic_ros.continuous.seen_views import SeenViews
 from panoptic_ros.domain import JointState, SkeletonModel
@@ -38,6 +38,7 @@ from panoptic_ros.domain.of_all import joined
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.geometry.splines import control_points
 from panoptic_ros.identity.returns import RETURN_S
+from panoptic_ros.solving.calibration_errors import CalibrationErrors
 from panoptic_ros.solving.capture_space import CAPTURE_VIEWS, needed_views
 from panoptic_ros.solving.frames import CameraFrame
 from panoptic_ros.solving.joint_noise import JointNoiseModel
@@ -137,6 +138,7 @@ class OnlineMotion:
 
     def __init__(self, arrays: RigArrays, skeleton: SkeletonModel, capture_views: int = CAPTURE_VIEWS):
         self._needed_views = needed_views(capture_views, arrays.cameras)
+        self._calibration = CalibrationErrors.of(arrays.cameras)
         self._arrays, self._mirror = arrays, np.array(skeleton.mirror)
         self._pairs, self._derived = rigid_pairs(skeleton), skeleton.derived
         self._search = ReturnSearch(skeleton, self._pairs)
@@ -200,14 +202,10 @@ class OnlineMotion:
                 evidence = RayEvidence.of(
                     rays.starts, rays.times, fit.rays.cameras, fit.rays.scores / rays.growths
                 )
-                report = joint_report(
-                    np.array([time]),
-                    fit.positions[None],
-                    fit.covariances[None],
-                    evidence,
-                    period,
-                    self._derived,
-                ).at(0)
+                when, kept = np.array([time]), (evidence, period, self._derived)
+                whole = joint_report(when, fit.positions[None], fit.covariances[None], *kept)
+                add_calibration(whole, when, *kept, self._calibration)
+                report = whole.at(0)
                 if (report.states != JointState.MISSING).any():
                     found.append(PersonInstant(person.id, report, fit.velocities))
         return sorted(found, key=lambda one: one.id)

@@ -26,6 +26,7 @@ from panoptic_ros.continuous.returns import with_identities
 from panoptic_ros.continuous.stamps import partial_notices, usable_views
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import DataError, UsageError
+from panoptic_ros.solving.calibration_errors import CalibrationErrors
 from panoptic_ros.solving.capture_space import needed_views
 from panoptic_ros.solving.frames import CameraFrame, camera_frames
 from panoptic_ros.solving.spans import telling_spans
@@ -125,6 +126,7 @@ class ContinuousPass:
             len(self._skeleton),
             self._skeleton.derived,
             tuple(misfit_notices(ordered, times, tracks, self._rig.names)),
+            CalibrationErrors.of(self._rig.cameras),
         )
         faults = clock_faults(ordered, times, people, self._arrays)
         return motion, faults, views_without(faults, ordered, times)

@@ -9,6 +9,7 @@ import numpy as np
 
 from panoptic_ros.domain import JointState, RefinedPoseSet
 from panoptic_ros.kernels import njit
+from panoptic_ros.solving.calibration_errors import CalibrationErrors
 
 Array = np.ndarray
 ABSENT_S = 0.5  # s without a view after which a person is not reported
@@ -103,6 +104,38 @@ def joint_report(
     states[missing], scores[missing], views[missing] = JointState.MISSING, 0.0, 0
     positions[missing], covariances[missing] = np.nan, np.nan
     return JointReport(positions, covariances, scores, views, states)
+
+
+def add_calibration(
+    report: JointReport,
+    times: Array,
+    evidence: RayEvidence,
+    period: float,
+    derived: Sequence[tuple[int, tuple[int, ...]]],
+    calibration: CalibrationErrors | None,
+) -> None:
+    """Add the covariance of the calibration to a report at increasing instants (T,) s, in place.
+
+    Arguments are those of `joint_report`. A camera counts if it sees the joint within one period.
+
+    Args:
+        calibration: Errors of the rig's calibration; None = unknown.
+    """
+    if calibration is None:
+        return
+    shape = report.views.shape
+    used = np.zeros((*shape, len(calibration.focals)), bool)
+    for joint in range(shape[1]):
+        rays = slice(evidence.starts[joint], evidence.starts[joint + 1])
+        seen, cameras = evidence.times[rays], evidence.cameras[rays]
+        counts = np.zeros((len(times) + 1, used.shape[2]), np.int64)
+        np.add.at(counts, (np.searchsorted(times, seen - period), cameras), 1)
+        np.add.at(counts, (np.searchsorted(times, seen + period, "right"), cameras), -1)
+        used[:, joint] = counts.cumsum(axis=0)[:-1] > 0
+    for joint, sources in derived:
+        used[:, joint] = used[:, list(sources)].all(axis=1)
+    added = calibration.covariances(report.positions.reshape(-1, 3), used.reshape(-1, used.shape[2]))
+    report.covariances[...] += added.reshape(report.covariances.shape)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

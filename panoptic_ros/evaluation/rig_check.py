@@ -123,7 +123,8 @@ def check_rig(rig: Rig, sets: Sequence[DetectionSet], skeleton: SkeletonModel) -
         notices += check_up(rig, np.zeros((0, 3)))
     elif not trial.blamed():
         people = np.concatenate([met.points for met in trial.met.values() if trial.speaks(met)])
-        notices += check_scale(people)
+        at_once = int(np.median([len(view.scores) for own in trial.instants for view in own.values()]))
+        notices += check_scale(people, skeleton, at_once)
         notices += check_up(rig, directions_of_people(people, skeleton))
     fits = [CameraFit(n, trial.residual(n), trial.people(n), trial.noise.get(n, np.nan)) for n in rig.names]
     return RigReport(tuple(notices), tuple(fits))

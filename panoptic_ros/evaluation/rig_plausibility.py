@@ -6,7 +6,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from panoptic_ros.domain import Camera, Rig, ViewDetections
+from panoptic_ros.domain import Camera, Rig, SkeletonModel, ViewDetections
+from panoptic_ros.domain.bone_shares import (
+    STATURE_M,
+    STATURE_SD_M,
+    bones_of,
+    log_scale,
+)
 from panoptic_ros.evaluation.rig_mistakes import could_be_reordered, in_our_order
 from panoptic_ros.stage import Notice
 
@@ -20,6 +26,8 @@ FAR_APART = 200.0  # m; largest plausible span of a rig
 MOST_TANGENTIAL = 0.03
 # share of the rig's span; closer cameras are treated as one pose, since even stereo heads are wider
 ONE_PLACE = 1e-3
+BONES_SD = 0.03  # relative, of the mean scale by bones from two rays: joints of detectors, and noise
+CERTAIN = 3.0  # standard deviations of a scale that is certainly wrong
 ONE_DIRECTION = np.radians(0.5)  # rad; closer rotations are treated as one pose, too
 
 
@@ -151,19 +159,35 @@ def sizes_that_differ(rig: Rig, instants: Sequence[Mapping[str, ViewDetections]]
     return notices
 
 
-def check_scale(people: Array) -> list[Notice]:
-    """Return a notice if the size of people implies another unit of length than metres.
+def check_scale(people: Array, skeleton: SkeletonModel, at_once: int) -> list[Notice]:
+    """Return a notice if the size of people implies another unit of length, or another scale.
 
     Args:
         people: Joints (M, J, 3) in the unit of the rig, NaN = missing.
+        at_once: Usual number of people in a view, whose statures are averaged.
     """
     extents = [_extent(points[np.isfinite(points).all(-1)]) for points in people]
     extent = float(np.median(extents))
     if POSSIBLE_EXTENT[0] <= extent <= POSSIBLE_EXTENT[1]:
-        return []
+        return _stature(people, skeleton, at_once)
     unit = min(UNITS, key=lambda name: abs(np.log(extent / (USUAL_EXTENT * UNITS[name]))))
     text = f"people are {extent:.3g} m large in this rig: its lengths look like {unit}, not metres"
     return [Notice("rig.units", "warning", text, {"extent_m": extent, "unit": unit})]
+
+
+def _stature(people: Array, skeleton: SkeletonModel, at_once: int) -> list[Notice]:
+    """Return a notice if the bones give a mean stature that adults do not have."""
+    scale = log_scale(people, bones_of(skeleton, range(len(skeleton.joint_names))))
+    sd = float(np.hypot(BONES_SD, STATURE_SD_M / STATURE_M / np.sqrt(max(at_once, 1))))
+    if not abs(scale) > CERTAIN * sd:
+        return []
+    stature = STATURE_M * np.exp(-scale)
+    text = (
+        f"people are {stature:.2f} m tall in this rig by their arms and legs, adults {STATURE_M:.2f} ± "
+        f"{STATURE_M * sd:.2f} m: lengths are {np.exp(-scale):.2f} times the true ones, unless these are "
+        "children; measure the distance of two cameras for `panoptic rig convert --distance`"
+    )
+    return [Notice("rig.scale", "warning", text, {"factor": float(np.exp(scale))})]
 
 
 def _extent(points: Array) -> float:

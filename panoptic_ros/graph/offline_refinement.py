@@ -33,7 +33,8 @@ from panoptic_ros.params import Config, config_of
 from panoptic_ros.patches.config import PatchesConfig
 from panoptic_ros.refinement.averaging import Joints, averaged
 from panoptic_ros.refinement.config import RefinementConfig
-from panoptic_ros.refinement.stage import bias_floor, without
+from panoptic_ros.refinement.stage import bias_floor, with_persistent, without
+from panoptic_ros.solving.calibration_errors import CalibrationErrors
 from panoptic_ros.stage import StageContext
 
 AHEAD = 2.0  # s, look-ahead of smoothing; the motion model's memory is a fraction of that
@@ -163,6 +164,7 @@ class OfflineAveraging:
             text = "averaging needs the motion of the surface: add --set patches.active=true, or leave"
             raise UsageError(f"refinement.method=averaging: {text} --offline out")
         self._floor = bias_floor(config_of(configs, RefinementConfig).bias_floor, context.skeleton)
+        self._calibration = CalibrationErrors.of(context.rig.cameras)
         self._items: list[Taken] = []
         self._last_ns = -1
         self.rounds = 0
@@ -196,7 +198,10 @@ class OfflineAveraging:
         for item, own in zip(raw, joints):
             shown = _shown(item, own)
             values = {field.name: getattr(shown, field.name) for field in fields(shown)}
-            yield RefinedPoseSet(**{**values, "covariances": shown.covariances + self._floor})
+            whole = with_persistent(
+                shown.positions, shown.covariances, shown.sources, self._floor, self._calibration
+            )
+            yield RefinedPoseSet(**{**values, "covariances": whole})
         self._items = []
 
     def _followed(

@@ -24,8 +24,8 @@ SECOND = 1_000_000_000
 SPACING_NS = 190_000_000  # ns between two used sets: bias, not noise, limits the result
 PAUSE_NS = SECOND  # ns without a set after which all motion is unknown
 TRAIL_NS = SECOND // 2  # ns over which the motion of a body is measured
-AGREED = 0.25  # share of the limit by which each of two windows must differ in the same direction
-LEAST_GAIN = 0.9  # limit of `PastSums.gains`; without a change, simulated detectors reach 0.8
+AGREED = 0.25  # share of the gain by which each of two windows must differ in the same direction
+LEAST_TEST = 20.0  # limit of `PastSums.tests`: chance exceeds it once in 6000 independent looks of 6 s
 WALKING = 0.3  # m/s, slower people stand: sway of the body and gestures stay below
 MEASURED = int(JointState.MEASURED)
 _Trail = deque[tuple[int, tuple[float, float, float]]]  # timestamps ns, centres of a body m
@@ -166,13 +166,13 @@ class HealthStage(Stateful):
             result = self._followed(c)
             if result is not None:
                 return result
-        gains = np.where(self._named, 0.0, sums.gains())
+        gains = np.where(self._named, 0.0, sums.gains.max(axis=1))
         camera = int(gains.argmax())
-        if camera not in ready or gains[camera] < LEAST_GAIN:
+        if camera not in ready or sums.tests[camera] < LEAST_TEST:
             return StepResult()
         found = change_of(sums, camera)
         limit = self._limits[found.is_zoom]
-        if not (found.size > limit and found.agreed > AGREED * limit):
+        if found.size < limit or found.agreed < AGREED:
             return StepResult()
         self._named[camera] = True
         for c in range(len(self._names)):

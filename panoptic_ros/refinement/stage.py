@@ -43,6 +43,7 @@ from panoptic_ros.refinement.filter_bank import FilterBank
 from panoptic_ros.refinement.joint_states import FILLED, MEASURED, MISSING, SmoothedJoints
 from panoptic_ros.refinement.lag import LagSchedule
 from panoptic_ros.refinement.records import FilterState, JointMeasurements, MotionStates, PeopleStatistics
+from panoptic_ros.solving.calibration_errors import CalibrationErrors
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
@@ -257,6 +258,7 @@ class RefinementStage(Stateful):
         self._config, self._skeleton = config, context.skeleton
         self._hash = context.skeleton.hash  # kept, as the property computes it at each call
         self._floor = bias_floor(config.bias_floor, context.skeleton)
+        self._calibration = CalibrationErrors.of(context.rig.cameras)
         self._biases = bias_floor(-1.0, context.skeleton)  # biases that the covariances of bodies contain
         self._lasting_share = config.lasting_share if self._floor.any() else 0.0
         self.reset()
@@ -333,6 +335,7 @@ class RefinementStage(Stateful):
         if self._config.bodies:
             views, noises = measured.views[rows], measured.noises[rows]
             self._bodies.fill(instant_ns, ids[rows], judged, views, noises, self._config.max_sigma)
+        sources = _sources_of(item, ids[rows].tolist())
         return known_good(
             RefinedPoseSet,
             {
@@ -340,14 +343,16 @@ class RefinementStage(Stateful):
                 "stamp_ns": instant_ns,
                 "skeleton_hash": item.skeleton_hash,
                 "positions": judged.positions,
-                "covariances": judged.covariances + self._floor,
+                "covariances": with_persistent(
+                    judged.positions, judged.covariances, sources, self._floor, self._calibration
+                ),
                 "scores": judged.scores,
                 "views": measured.views[rows],
                 "states": judged.states,
                 "person_scores": measured.person_scores[rows],
                 "newest_ns": max(item.newest_ns, instant_ns),
                 "time_shift": None,
-                "sources": _sources_of(item, ids[rows].tolist()),
+                "sources": sources,
                 "side_votes": None,
                 "corrections": None,
                 "ids": ids[rows],
@@ -355,9 +360,12 @@ class RefinementStage(Stateful):
         )
 
     def _passed_through(self, item: TrackedPoseSet) -> RefinedPoseSet:
-        """Return the unchanged skeletons as a `RefinedPoseSet`, with the bias floor in the covariances."""
+        """Return the unchanged skeletons as a `RefinedPoseSet`, with persistent errors in the covariances."""
         values = {field.name: getattr(item, field.name) for field in fields(item)}
-        return RefinedPoseSet(**{**values, "covariances": item.covariances + self._floor})
+        whole = with_persistent(
+            item.positions, item.covariances, item.sources, self._floor, self._calibration
+        )
+        return RefinedPoseSet(**{**values, "covariances": whole})
 
 
 def _motions_since(
@@ -401,6 +409,30 @@ def bias_floor(asked: float, skeleton: SkeletonModel) -> Array:
     own = np.array(skeleton.bias_floors) if skeleton.bias_floors else np.zeros(len(skeleton))
     floors = own if asked < 0.0 else np.full(len(skeleton), asked)
     return (floors**2)[:, None, None] * np.eye(3)
+
+
+def with_persistent(
+    positions: Array,
+    covariances: Array,
+    sources: ViewSources | None,
+    floor: Array,
+    calibration: CalibrationErrors | None,
+) -> Array:
+    """Return the covariances (P, J, 3, 3) m^2 with errors that do not change over time.
+
+    Args:
+        positions: (P, J, 3) m, NaN = missing.
+        covariances: (P, J, 3, 3) m^2, of noise.
+        sources: Views behind the people; None = unknown.
+        floor: (J, 3, 3) m^2, of the detector's biases.
+        calibration: Errors of the rig's calibration; None = unknown.
+    """
+    whole: Array = covariances + floor
+    if calibration is None or not len(positions):
+        return whole
+    views = ((), None) if sources is None else (sources.cameras, sources.persons)
+    whole += calibration.of_people(positions, *views)
+    return whole
 
 
 def _sources_of(item: TrackedPoseSet, numbers: list[int]) -> ViewSources | None:

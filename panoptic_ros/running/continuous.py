@@ -13,7 +13,7 @@ from panoptic_ros.continuous.config import ContinuousConfig
 from panoptic_ros.continuous.motion_result import ContinuousMotion
 from panoptic_ros.continuous.passes import ContinuousPass
 from panoptic_ros.continuous.subjects.passes import SubjectPass
-from panoptic_ros.domain import ViewDetections
+from panoptic_ros.domain import Rig, ViewDetections
 from panoptic_ros.errors import DataError, UsageError, shown
 from panoptic_ros.evaluation.nobody import why_nobody
 from panoptic_ros.evaluation.rig_check import check_rig
@@ -57,7 +57,7 @@ class ContinuousTask:
 
 
 def read_continuous_task(
-    rig: Path | None,
+    rig: Path | Rig | None,
     detections: Path | None,
     options: tuple[bool, bool, str, int | None] = (False, False, "", None),
     skeleton: str = AUTO,
@@ -69,7 +69,7 @@ def read_continuous_task(
     """Read the input of the pass: a file of 2D people, a capture folder, or bags.
 
     Args:
-        rig: calibration; None = that of the capture or bag.
+        rig: calibration, or its file; None = that of the capture or bag.
         options: values of `ContinuousConfig`; None = usual number of `capture_views`.
         capture: folder with 2D people or images, or results of `panoptic run`. Images go through detection.
 
@@ -83,7 +83,7 @@ def read_continuous_task(
 
 
 def _read_task(
-    rig: Path | None,
+    rig: Path | Rig | None,
     detections: Path | None,
     config: ContinuousConfig,
     skeleton: str,
@@ -120,8 +120,8 @@ def _read_task(
     return ContinuousTask(context, recording, config, plan.joint_names, tuple(told))
 
 
-def _file_task(rig: Path, detections: Path, config: ContinuousConfig, skeleton: str) -> ContinuousTask:
-    cameras = read_rig_at(rig)
+def _file_task(rig: Path | Rig, detections: Path, config: ContinuousConfig, skeleton: str) -> ContinuousTask:
+    cameras = rig if isinstance(rig, Rig) else read_rig_at(rig)
     people = read_people(detections, cameras, skeleton, any_order=True)
     told = (*cameras.notices, *people.told())
     context = StageContext(cameras, people.skeleton)

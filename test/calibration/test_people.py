@@ -1,5 +1,6 @@
 """Calibration from simulated people: exact without noise, as certain as stated with it, clocks, refusals."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,6 @@ import pytest
 
 from panoptic_ros.calibration.bundle import residuals_of
 from panoptic_ros.calibration.essential import epipolar_residuals, essential_of
-from panoptic_ros.calibration.people.bones import SHARES, STATURE_M, bones_of, log_scale
 from panoptic_ros.calibration.people.excerpts import MOST_SEGMENTS, SEGMENT_S, excerpt_of
 from panoptic_ros.calibration.people.frame import Bodies, body_axis, scale_of, scaled
 from panoptic_ros.calibration.people.identities import identities_of
@@ -16,6 +16,7 @@ from panoptic_ros.calibration.people.quality import doubts_of_people
 from panoptic_ros.calibration.people.sightings import sightings_at
 from panoptic_ros.calibration.people.solve import used_joints
 from panoptic_ros.calibration.people.tracklets import Tracklet, image_velocities, link_camera
+from panoptic_ros.domain.bone_shares import SHARES, STATURE_M, bones_of, log_scale
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.geometry.rotations import rotations_of
@@ -208,3 +209,36 @@ def test_the_parts_with_most_motion_are_used():
     found = excerpt_of(still + moving, 1)
     assert any(own.stamps[0] >= 60.0 and np.ptp(own.points[:, 0]) > 0.0 for own in found.tracklets)
     assert len(found.dense) <= 1.1 * MOST_SEGMENTS * SEGMENT_S * 10
+
+
+def zoomed(rig, factors):
+    """Return the rig with focal lengths multiplied by factors (C,)."""
+    cameras = []
+    for camera, factor in zip(rig.cameras, factors):
+        matrix = camera.intrinsics.matrix @ np.diag([factor, factor, 1.0])
+        cameras.append(replace(camera, intrinsics=replace(camera.intrinsics, matrix=matrix)))
+    return replace(rig, cameras=tuple(cameras))
+
+
+@pytest.mark.parametrize(
+    ("factors", "text"),
+    [
+        ((1.06, 1.06, 1.06), "all cameras: people fit focal lengths [4-7].*% shorter"),
+        ((1.0, 0.93, 1.0), "camera corner1: people fit focal lengths [5-9].*% longer"),
+        ((1.0, 1.0, 1.0), None),
+    ],
+)
+def test_wrong_focal_lengths_are_doubted_and_right_ones_are_not(factors, text):
+    session = simulate_people(replace(SCENE, seconds=5.0), 1)
+    found = calibrate_views(zoomed(session.rig, factors), session.views, SKELETON, untold)
+    lines = [line for line in found.doubts if "focal" in line]
+    assert len(lines) == (text is not None)
+    assert text is None or re.search(text, lines[0])
+
+
+def test_biases_of_the_detector_are_no_wrong_lens_and_gross_faults_are_refused():
+    session = simulate_people(replace(SCENE, rig=Corners(4), bias_m=0.015), 0)
+    found = calibrate_views(session.rig, session.views, SKELETON, untold)
+    assert not any("focal" in line for line in found.doubts)
+    with pytest.raises(CalibrationError, match="the given intrinsics are wrong: all cameras"):
+        calibrate_views(zoomed(session.rig, [1.25] * 4), session.views, SKELETON, untold)

@@ -311,3 +311,22 @@ def test_board_files_of_other_programs_are_read(session, tmp_path):
     options = ["--board", str(tmp_path / "charuco.toml"), "--synchronous", "--quiet"]
     assert main(["calibrate", str(folder), *options, "--out", str(tmp_path / "o")]) == 0
     assert json.loads((tmp_path / "o" / "rig.json").read_text())["cameras"]
+
+
+def test_a_measured_distance_checks_the_size_of_the_board(session, tmp_path, capsys):
+    folder, truth = session
+    a, b = truth.names[:2]
+    metres = distances(truth)[0, 1]
+    options = [str(folder), "--synchronous", "--quiet", "--out", str(tmp_path / "o")]
+    right = ["calibrate", *options, "--board", BOARD, "--distance", f"{a},{b}={metres}"]
+    assert main(right) == 0
+    assert "times as large" not in capsys.readouterr().err
+    wrong = ["calibrate", *options, "--board", "charuco:5x4:66mm", "--distance", f"{a},{b}={metres}"]
+    assert main(wrong) == 0
+    lines = [line for line in capsys.readouterr().err.splitlines() if "times as large" in line]
+    assert len(lines) == 1 and "0.9" in lines[0] and "squares" in lines[0]
+
+
+def test_a_measured_distance_of_unknown_cameras_is_refused(session, tmp_path, capsys):
+    said = refused(capsys, session[0], "--board", BOARD, "--distance", "cam0,no=2", "--out", tmp_path / "o")
+    assert "no camera 'no'" in said

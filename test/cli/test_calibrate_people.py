@@ -8,7 +8,9 @@ import pytest
 from panoptic_ros.cli.main import main
 from panoptic_ros.domain import DetectionSet
 from panoptic_ros.geometry import Rigid
+from panoptic_ros.io.bags import BagWriter
 from panoptic_ros.io.clock_files import read_clocks
+from panoptic_ros.io.messages import bag_messages, to_message
 from panoptic_ros.io.plain_formats import write_detections
 from panoptic_ros.io.rigs import read_rig, write_rig
 from panoptic_ros.simulation.degradation import MILD
@@ -96,3 +98,22 @@ def test_poses_without_intrinsics_are_refused(capture, tmp_path, capsys):
 def test_the_scale_options_are_for_people(tmp_path, capsys):
     assert main(["calibrate", str(tmp_path), "--stature", "1.8", "--out", str(tmp_path / "o")]) == 2
     assert "--people" in capsys.readouterr().err
+
+
+def test_bare_intrinsics_serve_for_a_file_and_a_bag_of_detections(capture, tmp_path):
+    folder, session = capture
+    write_rig(tmp_path / "info", session.rig, "camera_info")
+    (tmp_path / "info" / "poses.yaml").unlink()
+    alone = tmp_path / "poses" / "detections.json.gz"
+    alone.parent.mkdir()
+    alone.write_bytes((folder / "detections.json.gz").read_bytes())
+    with BagWriter(tmp_path / "bag") as bag:
+        for view in session.views:
+            bag.write(f"/{view.camera}/detections", view.stamp_ns, to_message(view, bag_messages()))
+    found = []
+    for k, source in enumerate((alone, alone.parent, tmp_path / "bag")):
+        out = tmp_path / f"o{k}"
+        assert calibrate(source, "--intrinsics", tmp_path / "info", "--out", out, "--quiet") == 0
+        found.append(np.stack([camera.centre for camera in read_rig(out / "rig.json").cameras]))
+    np.testing.assert_array_equal(found[0], found[1])
+    np.testing.assert_allclose(found[0], found[2], atol=0.05)

@@ -613,3 +613,17 @@ def test_cameras_in_rooms_of_their_own_give_no_warning(noise: float) -> None:
     assert check(rig, sets).warnings == ()
     pushed = with_cameras(rig, ["cam04"], cam_from_world=inverted)
     assert check(pushed, detect(rig, walkers(3), noise=noise)).warnings != ()
+
+
+@pytest.mark.parametrize(("factor", "wrong"), [(1.0, False), (0.97, False), (1.2, True), (0.8, True)])
+def test_statures_tell_a_wrong_scale(factor: float, wrong: bool) -> None:
+    rig = ring(4)
+    sets = detect(rig, walkers(4, 12), noise=0.5)
+    scaled = with_cameras(
+        rig,
+        None,
+        cam_from_world=lambda c: Rigid(c.cam_from_world.rotation, factor * c.cam_from_world.translation),
+    )
+    found = [note for note in check(scaled, sets).warnings if note.code == "rig.scale"]
+    assert len(found) == wrong
+    assert all(note.values["factor"] == pytest.approx(1.0 / factor, rel=0.08) for note in found)

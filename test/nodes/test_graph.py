@@ -10,9 +10,10 @@ import pytest
 from free_cameras import FreeCapture
 from recordings import write_bag
 from rolling import rolling_points, with_line_delays
+from walkers import turned, walk
 
 from panoptic_ros.cli.main import main
-from panoptic_ros.domain import Occluders, Rig, VisibilityLimit
+from panoptic_ros.domain import AssociationSet, Occluders, Rig, VisibilityLimit
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.messages import from_message
 from panoptic_ros.io.plain_formats import read_skeletons, write_skeletons
@@ -104,6 +105,21 @@ def test_rolling_shutters_give_the_same_bytes_with_and_without_ros(tmp_path):
         truth = captures.people(1e-9 * frame.stamp_ns)
         gaps = np.linalg.norm(frame.positions[:, None] - truth[None], axis=-1).max(-1)
         assert gaps.min(axis=0).max() < 5e-3
+
+
+def test_a_repaired_rig_gives_the_same_bytes_in_one_process_and_in_the_graph(tmp_path):
+    """A camera turns, and all stages go on with the corrected rig."""
+    first, second, *rest = captures.RIG.cameras
+    cameras = (first, turned(second, (0.4, 0.3, 0.0)), *rest)
+    sets = [item.detections for item in walk(28.0, ((14.0, cameras),)) if isinstance(item, AssociationSet)]
+    views = [replace(view, stamp_ns=view.stamp_ns + 10**9) for item in sets for view in item.views]
+    bag = write_bag(tmp_path / "bag", views)
+    for out, more in (("dds", []), ("process", ["--in-process"])):
+        words = ["run", "--bag", str(bag), "--out", str(tmp_path / out), "--no-pictures", "--repair", *more]
+        assert main(words) == 0
+    assert skeletons(tmp_path / "dds") == skeletons(tmp_path / "process")
+    rigs = [(tmp_path / out / "rig_repaired.json").read_bytes() for out in ("dds", "process")]
+    assert rigs[0] == rigs[1]
 
 
 def test_people_are_right_and_nothing_is_lost(over_dds):

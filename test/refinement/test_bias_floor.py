@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from panoptic_ros.domain import JointState, SkeletonModel, TrackedPoseSet
+from panoptic_ros.domain import JointState, Rig, SkeletonModel, TrackedPoseSet
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.stage import RefinementStage
 from panoptic_ros.stage import StageContext
@@ -32,7 +32,7 @@ def tracked(index, time, ids=(4,)):
 
 
 def run(times, model=MODEL, **settings):
-    stage = RefinementStage(RefinementConfig(**settings), StageContext(None, model))
+    stage = RefinementStage(RefinementConfig(**settings), StageContext(Rig(()), model))
     results = [stage.step(tracked(i, t)) for i, t in enumerate(times)] + [stage.flush()]
     return [output for result in results for output in result.outputs]
 
@@ -59,7 +59,7 @@ def test_the_last_instants_before_a_long_gap_keep_their_people():
 
 def covariance_of_elbow(times, lost=(), views=3, **settings):
     """Of the last instant, with the elbow lost at some of them; views: of all joints."""
-    stage = RefinementStage(RefinementConfig(**settings), StageContext(None, KNOWN))
+    stage = RefinementStage(RefinementConfig(**settings), StageContext(Rig(()), KNOWN))
     for i, t in enumerate(times):
         item = tracked(i, t)
         item = replace(item, views=np.where(item.views > 0, views, 0))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from panoptic_ros.domain import JointState, SkeletonModel, TrackedPoseSet
+from panoptic_ros.domain import JointState, Rig, SkeletonModel, TrackedPoseSet
 from panoptic_ros.refinement.bones import on_bones, pull_bones
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.joint_states import SmoothedJoints
@@ -68,7 +68,7 @@ def test_errors_that_last_are_taken_off_bones_and_stay_in_covariances():
     found = {}
     for share in (0.0, 0.5):
         config = RefinementConfig(lasting_share=share, lag=0.12)
-        stage, outputs = RefinementStage(config, StageContext(None, model)), []
+        stage, outputs = RefinementStage(config, StageContext(Rig(()), model)), []
         for index in range(200):
             off = 0.02 * np.sin(2.0 * np.pi * index / 50)  # of the elbow along the bone, for a second
             positions = np.array([[[0.0, 0.0, 1.4], [0.0, 0.3 + off, 1.4]]])

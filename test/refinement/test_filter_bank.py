@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from panoptic_ros.domain import JointState, SkeletonModel, TimeShift, TrackedPoseSet
+from panoptic_ros.domain import JointState, Rig, SkeletonModel, TimeShift, TrackedPoseSet
 from panoptic_ros.refinement import tuning
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.stage import RefinementStage
@@ -52,7 +52,7 @@ def tracked(numbers, frame, moving):
 
 def refined(numbers, moving, lag):
     """{(person, frame): all that is told of the person then}, and how many filters are kept at the end."""
-    stage = RefinementStage(RefinementConfig(lag=lag), StageContext(None, MODEL))
+    stage = RefinementStage(RefinementConfig(lag=lag), StageContext(Rig(()), MODEL))
     outputs = [o for frame in range(45) for o in stage.step(tracked(numbers, frame, moving)).outputs]
     kept = stage._bank.people.ids.tolist()
     told = {}
@@ -79,7 +79,7 @@ def test_people_do_not_depend_on_who_else_is_there(moving, lag, monkeypatch):
 
 
 def test_who_has_left_is_forgotten_but_for_bones():
-    stage = RefinementStage(RefinementConfig(), StageContext(None, MODEL))
+    stage = RefinementStage(RefinementConfig(), StageContext(Rig(()), MODEL))
     known = []
     for frame in range(28):
         stage.step(tracked([7, 4], frame, False))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from panoptic_ros.domain import JointState, SkeletonModel, TimeShift, TrackedPoseSet
+from panoptic_ros.domain import JointState, Rig, SkeletonModel, TimeShift, TrackedPoseSet
 from panoptic_ros.errors import DataError
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.stage import RefinementStage
@@ -40,7 +40,7 @@ def tracked(index, positions, rate=30.0, ids=(4,), **more):
 
 
 def run(sets, **settings):
-    stage = RefinementStage(RefinementConfig(**settings), StageContext(None, MODEL))
+    stage = RefinementStage(RefinementConfig(**settings), StageContext(Rig(()), MODEL))
     results = [stage.step(item) for item in sets] + [stage.flush()]
     return [output for result in results for output in result.outputs]
 
@@ -79,10 +79,10 @@ def test_longer_lag_is_better():
 
 def test_every_set_comes_out_after_the_lag():
     _, sets = noisy(10)
-    stage = RefinementStage(RefinementConfig(lag=0.1), StageContext(None, MODEL))
+    stage = RefinementStage(RefinementConfig(lag=0.1), StageContext(Rig(()), MODEL))
     assert [len(stage.step(item).outputs) for item in sets] == [0] * 3 + [1] * 7
     assert [o.index for o in stage.flush().outputs] == [7, 8, 9]
-    now = RefinementStage(RefinementConfig(lag=0.0), StageContext(None, MODEL))
+    now = RefinementStage(RefinementConfig(lag=0.0), StageContext(Rig(()), MODEL))
     assert [len(now.step(item).outputs) for item in sets] == [1] * 10
 
 
@@ -125,7 +125,7 @@ class TestStampsOfTheirOwn:
     )
     def test_results_use_views_up_to_the_lag(self, lag, after, latest):
         sets, _ = self.sets()
-        stage = RefinementStage(RefinementConfig(lag=lag), StageContext(None, MODEL))
+        stage = RefinementStage(RefinementConfig(lag=lag), StageContext(Rig(()), MODEL))
         given = [(item, o) for item in sets for o in stage.step(item).outputs]
         for item, output in given[2:]:
             start = sets[output.index].stamp_ns
@@ -134,7 +134,7 @@ class TestStampsOfTheirOwn:
             assert item.newest_ns <= output.stamp_ns + 1e9 * lag + 4e6
         assert len(given) >= len(sets) - 4
         shorter = [o.positions for _, o in given[:-8]]
-        again = RefinementStage(RefinementConfig(lag=lag), StageContext(None, MODEL))
+        again = RefinementStage(RefinementConfig(lag=lag), StageContext(Rig(()), MODEL))
         cut = [o.positions for item in sets[:-4] for o in again.step(item).outputs]
         assert all(np.array_equal(a, b) for a, b in zip(shorter, cut))
 
@@ -178,7 +178,7 @@ def test_single_outliers_are_bridged():
 
 def test_off_means_unchanged_and_at_once():
     _, sets = noisy(3)
-    stage = RefinementStage(RefinementConfig(enabled=False), StageContext(None, MODEL))
+    stage = RefinementStage(RefinementConfig(enabled=False), StageContext(Rig(()), MODEL))
     for item in sets:
         (output,) = stage.step(item).outputs
         assert np.array_equal(output.positions, item.positions)
@@ -187,9 +187,9 @@ def test_off_means_unchanged_and_at_once():
 
 def test_old_stamps_and_other_skeletons():
     _, sets = noisy(3)
-    stage = RefinementStage(RefinementConfig(), StageContext(None, MODEL))
+    stage = RefinementStage(RefinementConfig(), StageContext(Rig(()), MODEL))
     stage.step(sets[1])
     assert stage.step(sets[0]).notices[0].code == "refinement.old_stamp"
     other = SkeletonModel("other", ("a", "b"), 0, ((0, 1),), 1)
     with pytest.raises(DataError, match="skeleton"):
-        RefinementStage(RefinementConfig(), StageContext(None, other)).step(sets[0])
+        RefinementStage(RefinementConfig(), StageContext(Rig(()), other)).step(sets[0])

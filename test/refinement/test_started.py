@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from gaussians import conditioned, positive
 
-from panoptic_ros.domain import SkeletonModel, TimeShift, TrackedPoseSet
+from panoptic_ros.domain import Rig, SkeletonModel, TimeShift, TrackedPoseSet
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.records import started
 from panoptic_ros.refinement.stage import RefinementStage
@@ -56,7 +56,7 @@ class TestSlowCameras:
 
     @pytest.mark.parametrize("errors", [1.0, 4.0])
     def test_who_stands_is_not_moved_by_what_views_disagree_about(self, errors):
-        stage = RefinementStage(RefinementConfig(), StageContext(None, self.model))
+        stage = RefinementStage(RefinementConfig(), StageContext(Rig(()), self.model))
         results = [stage.step(item) for item in self.sets(errors)] + [stage.flush()]
         outputs = [output for result in results for output in result.outputs]
         assert len(outputs) == 8

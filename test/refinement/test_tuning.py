@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from panoptic_ros.domain import SkeletonModel, TrackedPoseSet
+from panoptic_ros.domain import Rig, SkeletonModel, TrackedPoseSet
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.links import JointDisplacements, predict_linked
 from panoptic_ros.refinement.motion_model import SIX, transition
@@ -30,7 +30,7 @@ def refined(process, sigma=0.01, stated=None, lasting=0.0, count=150):
     process: m^2/s^3. sigma, stated: m, true and stated noise. lasting: correlation from frame to frame.
     """
     rng, dt = np.random.default_rng(0), 1.0 / RATE
-    stage = RefinementStage(RefinementConfig(bone_sigma=0.0), StageContext(None, MODEL))
+    stage = RefinementStage(RefinementConfig(bone_sigma=0.0), StageContext(Rig(()), MODEL))
     step = np.linalg.cholesky(process * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]))
     places, speeds = np.zeros((JOINTS, 3)), np.zeros((JOINTS, 3))
     noise = sigma * rng.standard_normal((JOINTS, 3))

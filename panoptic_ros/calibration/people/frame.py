@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.calibration.people.bones import ANKLE_SHARE, SHARES_SD, STATURE_M, STATURE_SD_M, log_scale
 from panoptic_ros.calibration.people.solve import LIMB_JOINTS, CalibratedPeople
 from panoptic_ros.calibration.projection import POSE
+from panoptic_ros.calibration.tape import TAPE_SD_M, distance_of
+from panoptic_ros.domain.bone_shares import ANKLE_SHARE, SHARES_SD, STATURE_M, STATURE_SD_M, log_scale
 from panoptic_ros.geometry import Rigid
 
 Array = np.ndarray
@@ -20,7 +21,6 @@ LEG_BONES = [  # pairs of used joints: both thighs and shanks
     for side in range(2)
     for a, b in (("Hip", "Knee"), ("Knee", "Ankle"))
 ]
-TAPE_SD_M = 0.005  # m, of a tape-measured distance of two lenses
 STANDING_M_S = 0.3  # m/s, speed of an ankle below which its foot stands on the floor
 LOW_SHARE = 15.0  # percent of standing ankles below the start of the floor; joints may be wrong
 NEAR_FLOOR_M = (0.08, 0.05, 0.03)  # m, distance of ankles from the plane that fit it, by round
@@ -83,9 +83,7 @@ def scale_of(
     if distance is None:
         return Scale(by_people, sd, by_people, sd)
     first, second, metres = distance
-    cameras = found.rig.state.cameras
-    centres = -np.einsum("cji,cj->ci", cameras.rotations, cameras.translations)
-    apart = float(np.linalg.norm(centres[first] - centres[second]))
+    apart, _ = distance_of(found.rig, first, second)
     return Scale(metres / apart, TAPE_SD_M / metres, by_people, sd)
 
 

@@ -13,8 +13,8 @@ from panoptic_ros.calibration.essential import (
     parallax,
     relative_pose,
 )
-from panoptic_ros.calibration.people.bones import Bones, log_scale
 from panoptic_ros.calibration.people.sightings import JointSightings
+from panoptic_ros.domain.bone_shares import Bones, log_scale
 from panoptic_ros.geometry import ProjectionStack, Rigid, triangulate_linear
 
 Array = np.ndarray

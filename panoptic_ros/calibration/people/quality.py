@@ -94,7 +94,8 @@ def doubts_of_people(quality: PeopleQuality) -> list[str]:
     if quality.walk_m < GOOD_WALK_M:
         lines.append(
             f"people stay within {quality.walk_m:.2f} m on the floor, so constant errors of the detector do "
-            "not average out; let them walk in curves through the whole space"
+            "not average out and errors may be 5 times the predicted ones; let them walk through the whole "
+            "space"
         )
     if not quality.standing:
         lines.append(

@@ -18,7 +18,6 @@ from panoptic_ros.calibration.bundle import (
 )
 from panoptic_ros.calibration.essential import essential_of
 from panoptic_ros.calibration.free_points import with_gauge
-from panoptic_ros.calibration.people.bones import Bones, bones_of
 from panoptic_ros.calibration.people.excerpts import excerpt_of
 from panoptic_ros.calibration.people.free_joints import (
     FreeJoints,
@@ -44,6 +43,7 @@ from panoptic_ros.calibration.rig_start import CameraInput
 from panoptic_ros.calibration.solve import OUTLIER, CalibratedRig
 from panoptic_ros.calibration.target_poses import intrinsics_of, spanning_tree
 from panoptic_ros.domain import SkeletonModel, ViewDetections
+from panoptic_ros.domain.bone_shares import Bones, bones_of
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.stage import Progress

@@ -14,6 +14,7 @@ metres and as a quaternion. `tf2_echo world cam01_optical_frame` prints the same
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -74,7 +75,7 @@ def parse(folder: Path, options: ReadOptions) -> Rig:
     for name, pose in poses.items():
         taken.take(str(name), partial(_camera, folder, str(name), pose, taken))
     for path in sorted(folder.glob("*.yaml")):
-        if path.stem not in map(str, poses) and _is_camera(path):
+        if path.stem not in map(str, poses) and is_camera(path):
             taken.take(path.stem, _unposed)
     return taken.rig(frame_id)
 
@@ -83,7 +84,7 @@ def _unposed() -> Camera:
     raise UncalibratedCamera(f"no pose in {POSES}")
 
 
-def _is_camera(path: Path) -> bool:
+def is_camera(path: Path) -> bool:
     """Return whether a file is a camera calibration; a broken file is none."""
     try:
         document = read_yaml(path)
@@ -101,8 +102,26 @@ def _camera(folder: Path, name: str, pose: Any, taken: ReadCameras) -> Camera:
     pose_at = f"{POSES}: {name}"
     translation = pose_numbers(pose, "translation", pose_at, (3,))
     quaternion = pose_numbers(pose, "rotation", pose_at, (4,))
-    document = read_yaml(folder / where)
-    tell_unknown(document, INFO_KEYS, folder / where)
+    length = float(np.linalg.norm(quaternion))
+    if abs(length - 1.0) > 1e-3:
+        raise CalibrationError(f"{POSES}: {name}: 'rotation' has length {length:.4g}, no unit quaternion")
+    world_from_cam = Rigid(Rotation.from_quat(quaternion).as_matrix(), translation)
+    return camera_of(name, folder / where, world_from_cam.inverse(), taken.tell)
+
+
+def camera_of(
+    name: str, path: Path, cam_from_world: Rigid, tell: Callable[[str, str], None] | None = None
+) -> Camera:
+    """Return the camera of a <camera>.yaml file, with a pose in m.
+
+    Args:
+        tell: Called with the camera's name and a notice about an assumption.
+
+    Raises:
+        CalibrationError: naming the file and the key.
+    """
+    where, document = path.name, read_yaml(path)
+    tell_unknown(document, INFO_KEYS, path)
     size = (
         whole_number(entry(document, "image_width", where), f"{where}: image_width"),
         whole_number(entry(document, "image_height", where), f"{where}: image_height"),
@@ -112,21 +131,8 @@ def _camera(folder: Path, name: str, pose: Any, taken: ReadCameras) -> Camera:
     if model or document.get("distortion_coefficients") is not None:
         coefficients = entry(document, "distortion_coefficients", where)
         distortion = numbers(coefficients, "data", f"{where}: distortion_coefficients", (-1,))
-    length = float(np.linalg.norm(quaternion))
-    if abs(length - 1.0) > 1e-3:
-        raise CalibrationError(f"{POSES}: {name}: 'rotation' has length {length:.4g}, no unit quaternion")
-    world_from_cam = Rigid(Rotation.from_quat(quaternion).as_matrix(), translation)
-    cam_from_world = world_from_cam.inverse()
-    return camera(
-        name,
-        size,
-        matrix.reshape(3, 3),
-        distortion,
-        cam_from_world.rotation,
-        cam_from_world.translation,
-        model,
-        taken.tell,
-    )
+    rotation, translation = cam_from_world.rotation, cam_from_world.translation
+    return camera(name, size, matrix.reshape(3, 3), distortion, rotation, translation, model, tell)
 
 
 def dump(rig: Rig) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from panoptic_ros.calibration.quality import Quality, doubts, quality_of, refusa
 from panoptic_ros.calibration.rig_start import CameraInput
 from panoptic_ros.calibration.solve import CalibratedRig, calibrate_from, calibrate_rig
 from panoptic_ros.calibration.stretch import jackknife_sd, stretch_of
+from panoptic_ros.calibration.tape import TAPE_SD_M, distance_of
 from panoptic_ros.calibration.wand_start import start_wand
 from panoptic_ros.calibration.wands import Wand, parse_wand
 from panoptic_ros.calibration.world import floor_from_images, floor_from_target, rig_in_world
@@ -30,6 +31,7 @@ Array = np.ndarray
 # standard deviations of given intrinsics whose file states no covariance: relative, px, without unit
 KNOWN_FOCAL, KNOWN_CENTRE_PX, KNOWN_TERM = 0.01, 5.0, 0.05
 CERTAIN = 3.0  # standard deviations of a stretch of the print that is certain
+GOOD_SIZE = 0.02  # relative difference of the target's size to that by a tape, which users mistake by 1 %
 GOOD_STRETCH, REFUSED_STRETCH = 2e-3, 5e-3  # relative; 1 % triples errors, 0.3 % adds a third
 MODELS = {
     "brown": LensModel(),
@@ -68,6 +70,7 @@ def calibrate_recording(
     known: Rig | None = None,
     floor_s: float | None = None,
     synchronous: bool = False,
+    distance: tuple[str, str, float] | None = None,
     sensors: Mapping[str, str] = NO_SENSORS,
 ) -> BoardCalibration:
     """Return the calibration of the cameras of a folder or bag.
@@ -77,6 +80,7 @@ def calibrate_recording(
         known: Cameras with known intrinsics.
         floor_s: Time, s since the first image, at which the board lies on the floor; None = never.
         synchronous: The cameras are synchronous; clock offsets are not estimated.
+        distance: Names of two cameras and their measured distance, m, which checks the size of the board.
         sensors: Colour camera by the name of the camera that shows the infrared images of a depth sensor.
 
     Raises:
@@ -84,6 +88,7 @@ def calibrate_recording(
     """
     recording = read_board_views(path, board, progress)
     check_all_see(recording, "board")
+    check_names(distance, recording.names)
     check_sensors(recording.names, sensors)
     inputs = [
         input_of(name, size, MODELS[lens], known) for name, size in zip(recording.names, recording.sizes)
@@ -103,6 +108,7 @@ def calibrate_recording(
     notices = list(recording.notices)
     if stretched:
         notices.append(f"{_stretched(stretch)}; measure both sides, and print it again at 100 %")
+    notices += wrong_sizes(solved, distance, "its squares")
     if floor_s is None:
         world = floor_from_images(solved)
         notices.append(
@@ -126,7 +132,12 @@ def calibrate_recording(
 
 
 def calibrate_with_wand(
-    path: Path, text: str, progress: Progress, known: Rig | None, synchronous: bool = False
+    path: Path,
+    text: str,
+    progress: Progress,
+    known: Rig | None,
+    synchronous: bool = False,
+    distance: tuple[str, str, float] | None = None,
 ) -> BoardCalibration:
     """Return the calibration of the cameras of a folder or bag from a wand.
 
@@ -134,6 +145,7 @@ def calibrate_with_wand(
         text: Specification of the wand, see `parse_wand`.
         known: Cameras with known intrinsics, which are refined.
         synchronous: The cameras are synchronous; clock offsets are not estimated.
+        distance: Names of two cameras and their measured distance, m, which checks the size of the wand.
 
     Raises:
         UserError: if the recording does not give a calibration.
@@ -141,6 +153,7 @@ def calibrate_with_wand(
     wand = parse_wand(text)
     recording = read_wand_views(path, wand, progress)
     check_all_see(recording, "wand")
+    check_names(distance, recording.names)
     inputs = [
         input_of(name, size, LensModel(), known) for name, size in zip(recording.names, recording.sizes)
     ]
@@ -154,8 +167,36 @@ def calibrate_with_wand(
         "on the floor for `panoptic rig convert --floor-points`"
     )
     rig = rig_in_world(solved, floor_from_images(solved))
-    notices = (*recording.notices, up)
+    notices = (*recording.notices, *wrong_sizes(solved, distance, "its lengths"), up)
     return BoardCalibration(rig, wand, recording, solved, quality, tuple(doubts(quality, "wand")), notices)
+
+
+def check_names(distance: tuple[str, str, float] | None, names: Sequence[str]) -> None:
+    """Refuse a measured distance of cameras that the recording does not have.
+
+    Raises:
+        UsageError: naming the camera.
+    """
+    for name in distance[:2] if distance is not None else ():
+        if name not in names:
+            raise UsageError(f"--distance: there is no camera {name!r}; cameras are {', '.join(names)}")
+
+
+def wrong_sizes(solved: CalibratedRig, distance: tuple[str, str, float] | None, target: str) -> list[str]:
+    """Return a line if a measured distance of two cameras contradicts the size of the target."""
+    if distance is None:
+        return []
+    names = [camera.name for camera in solved.inputs]
+    apart, sd = distance_of(solved, names.index(distance[0]), names.index(distance[1]))
+    factor = distance[2] / max(apart, 1e-9)
+    allowed = max(GOOD_SIZE, CERTAIN * float(np.hypot(sd, TAPE_SD_M)) / distance[2])
+    if abs(factor - 1.0) <= allowed:
+        return []
+    return [
+        f"cameras {distance[0]} and {distance[1]} are {apart:.3f} m apart by the target, but "
+        f"{distance[2]:g} m by the tape: {target} are probably {factor:.3f} times as large as given; "
+        "measure them and correct --board"
+    ]
 
 
 def check_all_see(recording: BoardRecording, target: str) -> None:

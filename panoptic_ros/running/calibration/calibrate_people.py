@@ -10,6 +10,7 @@ import numpy as np
 
 from panoptic_ros.calibration.lens_start import LensModel
 from panoptic_ros.calibration.people.frame import scale_of, scaled, world_of
+from panoptic_ros.calibration.people.lens_check import check_focals, focal_faults
 from panoptic_ros.calibration.people.quality import (
     PeopleQuality,
     doubts_of_people,
@@ -27,6 +28,7 @@ from panoptic_ros.io.bags import bag_in
 from panoptic_ros.io.clock_files import write_offsets
 from panoptic_ros.io.files import write_bytes
 from panoptic_ros.io.rigs import find_rig, write_rig
+from panoptic_ros.io.rigs.intrinsics import read_intrinsics
 from panoptic_ros.running.calibration.results import CLOCKS, PAGE, RIG
 from panoptic_ros.running.continuous import read_continuous_task
 from panoptic_ros.running.grouping import views_in_order
@@ -94,15 +96,16 @@ def read_views(
     """Return the cameras with known intrinsics, all 2D poses, their skeleton, and notices."""
     if intrinsics is None and bag_in(source) is None:
         try:
-            find_rig(source)
+            intrinsics = find_rig(source)
         except UserError:
             raise UsageError(
                 f"{source} has no intrinsics of its cameras; give them with --intrinsics RIG"
             ) from None
-    if source.is_file():
-        task = read_continuous_task(intrinsics, source, skeleton=SKELETON)
+    given = None if intrinsics is None else read_intrinsics(intrinsics)
+    if source.is_file() and bag_in(source) is None:
+        task = read_continuous_task(given, source, skeleton=SKELETON)
     else:
-        task = read_continuous_task(intrinsics, None, skeleton=SKELETON, capture=source, progress=progress)
+        task = read_continuous_task(given, None, skeleton=SKELETON, capture=source, progress=progress)
     views = views_in_order(task.recording.records("detection_sets"))
     if not any(len(view.points) for view in views):
         raise DataError(f"{source}: none of the {len(views)} views shows a person; record people who walk")
@@ -133,6 +136,9 @@ def calibrate_views(
     quality = quality_of_people(solved, scale)
     if reasons := refusals_of_people(quality):
         raise CalibrationError(f"the people do not determine the cameras: {'; '.join(reasons)}")
+    wrong, doubtful = focal_faults(check_focals(solved), known.names)
+    if wrong:
+        raise CalibrationError(f"the given intrinsics are wrong: {'; '.join(wrong)}")
     notices = []
     if tape is None and stature_m is None:
         notices.append(
@@ -141,7 +147,8 @@ def calibrate_views(
         )
     rig = _with_known(rig_in_world(solved.rig, world_of(solved)), known)
     start_ns = min(view.stamp_ns for view in views)
-    return PeopleCalibration(rig, solved, quality, start_ns, tuple(doubts_of_people(quality)), tuple(notices))
+    doubts = (*doubts_of_people(quality), *doubtful)
+    return PeopleCalibration(rig, solved, quality, start_ns, doubts, tuple(notices))
 
 
 def _input(camera: Camera) -> CameraInput:

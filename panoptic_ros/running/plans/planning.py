@@ -94,7 +94,7 @@ def plan_capture(
     folder: Path,
     options: RunOptions = NO_OPTIONS,
     *,
-    rig: Path | None = None,
+    rig: Path | Rig | None = None,
     cameras: Sequence[str] | None = None,
     frame_rate: float | None = None,
     size_policy: str = "strict",
@@ -106,7 +106,7 @@ def plan_capture(
     """Return the plan of a run on a capture folder.
 
     Args:
-        rig: Calibration file that replaces the folder's own.
+        rig: Calibration, or its file, that replaces the folder's own.
         cameras: Names of the cameras to use; None = all.
         frame_rate: Hz, replaces that of the files.
         size_policy: For images whose size differs from the calibration: strict, scale, letterbox or crop.
@@ -126,7 +126,7 @@ def plan_capture(
             raise DataError(f"{folder} has no videos and no images{hint}")
         if options.imus is not None and options.subjects:
             return plan_imu_file(title or str(folder), options)
-    given = None if rig is None else read_rig_at(rig, cameras=cameras)
+    given = read_rig_at(rig, cameras=cameras) if isinstance(rig, Path) else rig
     with closing(open_capture_folder(folder, rig=given, cameras=cameras, **own)) as capture:
         source = {"kind": "folder", "path": str(folder), **own, **_starts(capture)}
         sources = dict.fromkeys(capture.rig.names, source)

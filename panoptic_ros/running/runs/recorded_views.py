@@ -63,12 +63,12 @@ class _Sets:
             self.sets.append(replace(record, views=views))
 
 
-def plan_recording(capture: Path | None, bags: Sequence[Path], rig: Path | None, skeleton: str) -> Plan:
+def plan_recording(capture: Path | None, bags: Sequence[Path], rig: Path | Rig | None, skeleton: str) -> Plan:
     """Return the plan of a capture folder or of bags.
 
     Args:
         capture: folder; used if there are no bags.
-        rig: calibration; None = that of the capture or bag.
+        rig: calibration, or its file; None = that of the capture or bag.
         skeleton: working skeleton; "" = the usual one.
 
     Raises:

@@ -53,7 +53,7 @@ CASES = {
     "8x2": HealthScene(8, ("walk", "walk")),
     "5-seated": HealthScene(5, ("sit", "talk", "sit")),
 }
-EVENTS = ("tilt", "any", "zoom", "none")
+EVENTS = ("tilt", "any", "roll", "zoom", "none")
 
 
 @dataclass
@@ -117,8 +117,8 @@ class CameraHealth(Study):
     def head(self, result: Result) -> str:
         """See `Study`."""
         return (
-            "People walk before cameras that turn by 0.2 deg, or zoom by 1 %. Axes: any, or in the image "
-            "plane (tilt).\n"
+            "People walk before cameras that turn by 0.2 deg, or zoom by 1 %. Axes: any, in the image plane "
+            "(tilt), or the optical axis (roll).\n"
             "Detector: mild faults, and a bias of 15 mm per view and joint.\n"
             "False: alarms without an event, over all cameras. Left: error of the corrected camera.\n"
             "Share of time: of the health stage in all stages after sync, at 10 sets per second."
@@ -132,7 +132,10 @@ def draw_event(kind: str, cameras: int, seed: int) -> CameraEvent:
     if kind == "zoom":
         return CameraEvent(when, seed % cameras, zoom=float(1.0 + ZOOM * rng.choice([-1.0, 1.0])))
     x, y, z = rng.standard_normal(3)
-    z = z if kind == "any" else 0.0
+    if kind == "tilt":
+        z = 0.0
+    elif kind == "roll":
+        x = y = 0.0
     length = TURN / float(np.sqrt(x * x + y * y + z * z))
     return CameraEvent(when, seed % cameras, turn=(x * length, y * length, z * length))
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,8 +15,13 @@ from panoptic_ros.calibration.projection import OFFSET, POSE
 from panoptic_ros.calibration.quality import space_of
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import CalibrationError
+from panoptic_ros.geometry import Rigid
 from panoptic_ros.geometry.rotations import vectors_of
+from panoptic_ros.io.plain_formats import write_skeletons
 from panoptic_ros.running.calibration.calibrate_people import PeopleCalibration, calibrate_views, read_views
+from panoptic_ros.running.continuous import DETECTION_FILES
+from panoptic_ros.running.evaluate import evaluate
+from panoptic_ros.running.solve import solve, task_of
 from panoptic_ros.simulation.degradation import MILD
 from panoptic_ros.simulation.people_sessions import PeopleScene, PeopleSession, simulate_people
 from panoptic_ros.simulation.rigs import Corners, Ring
@@ -40,6 +46,7 @@ CASES = {
     "5-lag": PeopleScene(FIVE, lag_s=LAG_S),
     "5-lag-unsolved": PeopleScene(FIVE, lag_s=LAG_S),
 }
+ANNOTATION = "groundtruth3d.json.gz"  # file of 3D joints in a capture folder
 UNSOLVED = "unsolved"  # ending of cases in which clocks are not estimated
 
 
@@ -59,6 +66,8 @@ class CalibrationPeople(Study):
         Column("up_rad", "up deg", ".2f", 180.0 / np.pi),
         Column("scale", "scale", ".1%"),
         Column("offset_s", "offset ms", ".2f", 1e3),
+        Column("pcp", "PCP", ".2f"),
+        Column("given_pcp", "PCP given", ".2f"),
         Column("solve_s", "solve s", ".1f"),
     )
     over = ("case",)
@@ -128,7 +137,9 @@ class CalibrationPeople(Study):
         aligned = _centres_aligned(found.rig, known)
         first = found.rig.cameras[0].cam_from_world.inverse()
         points = aligned.apply(first.apply(space_of(found.solved.rig)))
+        placed = aligned_rig(found.rig, _aligned(found.rig, known, points)[0])
         return {
+            **_limbs(self.options.capture, {"pcp": placed, "given_pcp": known}),
             "case": self.options.capture.name,
             "failed": 0.0,
             "solve_s": spent,
@@ -147,6 +158,31 @@ class CalibrationPeople(Study):
         )
 
 
+def aligned_rig(rig: Rig, aligned: Similarity) -> Rig:
+    """Return the rig after a similarity of its world."""
+    cameras = []
+    for camera in rig.cameras:
+        turn = camera.cam_from_world.rotation @ aligned.rotation.T
+        centre = aligned.apply(camera.centre[None])[0]
+        cameras.append(replace(camera, cam_from_world=Rigid(turn, -turn @ centre), covariance=None))
+    return Rig(tuple(cameras))
+
+
+def _limbs(capture: Path, rigs: Mapping[str, Rig]) -> Row:
+    """Return the PCP (percent, rule of VoxelPose) with each rig of an annotated capture."""
+    found = [capture / name for name in DETECTION_FILES if (capture / name).is_file()]
+    if not found or not (capture / ANNOTATION).is_file():
+        return {}
+    row: Row = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for key, rig in rigs.items():
+            task = task_of(rig, found[0], {})
+            write_skeletons(Path(folder) / key, task.joint_names, solve(task).poses)
+            scores = evaluate(capture / ANNOTATION, Path(folder) / key, protocol="pcp-voxelpose")
+            row[key] = scores.values["pcp"]
+    return row
+
+
 def _grid() -> Array:
     return np.stack(np.meshgrid(*SPACE, indexing="ij"), -1).reshape(-1, 3)
 
@@ -159,20 +195,26 @@ def _centres_aligned(found: Rig, truth: Rig) -> Similarity:
     )
 
 
+def _aligned(found: Rig, truth: Rig, points: Array) -> tuple[Similarity, Array]:
+    """Return the similarity from found to true cameras at points (N, 3) m, and the errors, m, that remain."""
+    pixels = []
+    for camera in truth.cameras:
+        own, seen = camera.project(points)
+        pixels.append(np.where((seen & camera.contains(own))[:, None], own, np.nan))
+    placed = triangulated(found, np.stack(pixels, axis=1))
+    good = np.isfinite(placed).all(axis=1)
+    aligned = similarity(placed[good], points[good])
+    errors = np.linalg.norm(aligned.apply(placed[good]) - points[good], axis=1)
+    return aligned, errors
+
+
 def _camera_errors(found: PeopleCalibration, truth: Rig, points: Array) -> Row:
     """Return the errors of the cameras.
 
     Args:
         points: (N, 3) m in the frame of the truth, of the space in which people walk.
     """
-    pixels = []
-    for camera in truth.cameras:
-        own, seen = camera.project(points)
-        pixels.append(np.where((seen & camera.contains(own))[:, None], own, np.nan))
-    placed = triangulated(found.rig, np.stack(pixels, axis=1))
-    good = np.isfinite(placed).all(axis=1)
-    aligned = similarity(placed[good], points[good])
-    errors = np.linalg.norm(aligned.apply(placed[good]) - points[good], axis=1)
+    aligned, errors = _aligned(found.rig, truth, points)
     turns = [
         t.cam_from_world.rotation @ aligned.rotation @ f.cam_from_world.rotation.T
         for f, t in zip(found.rig.cameras, truth.cameras)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain import SkeletonModel
+from panoptic_ros.domain.skeleton import SkeletonModel
 
 Array = np.ndarray
 # m, mean stature of adults and its spread (NCD-RisC 2016: men 1.71 to 1.78, women 1.59 to 1.65)
@@ -33,15 +34,16 @@ class Bones(NamedTuple):
     lengths: Array
 
 
-def bones_of(skeleton: SkeletonModel, joints: Array) -> Bones:
-    """Return the bones of a skeleton, as indices into its used joints."""
-    index = {skeleton.joint_names[j]: k for k, j in enumerate(joints)}
-    rows = [
-        (index[side + a], index[side + b], share * STATURE_M)
-        for (a, b), share in SHARES.items()
-        for side in "lr"
-    ]
-    return Bones(np.array([row[:2] for row in rows]), np.array([row[2] for row in rows]))
+def bones_of(skeleton: SkeletonModel, joints: Sequence[int] | Array) -> Bones:
+    """Return the bones of a skeleton, as indices into its used joints; joints named lKnee or left_knee."""
+    index = {_plain(skeleton.joint_names[j]): k for k, j in enumerate(joints)}
+    pairs = [(side + a.lower(), side + b.lower(), share) for (a, b), share in SHARES.items() for side in "lr"]
+    rows = [(index[a], index[b], share * STATURE_M) for a, b, share in pairs if a in index and b in index]
+    return Bones(np.array([row[:2] for row in rows], int).reshape(-1, 2), np.array([row[2] for row in rows]))
+
+
+def _plain(name: str) -> str:
+    return name.lower().replace("_", "").replace("left", "l", 1).replace("right", "r", 1)
 
 
 def log_scale(points: Array, bones: Bones) -> float:
