@@ -32,8 +32,8 @@ def add_people_options(parser: argparse.ArgumentParser) -> None:
         "--distance",
         type=camera_distance,
         metavar="CAM_A,CAM_B=M",
-        help="measured distance of two lenses, m: with --people or --pattern it gives the scale, with a board "
-        "it checks the square size",
+        help="measured distance of two lenses, m: with --people or --pattern it gives the scale, with a "
+        "board it checks the square size",
     )
 
 

@@ -30,7 +30,7 @@ STEEPEST = 0.35  # least cosine between the normal of a slope and the direction 
 class CameraModel(NamedTuple):
     """Cameras of one kind: their number, image size px, and focal length px."""
 
-    count: int
+    number: int
     size: tuple[int, int]
     focal: float
 
@@ -79,7 +79,7 @@ class PatternSession(NamedTuple):
 
 def simulate_pattern(scene: PatternScene, seed: int) -> PatternSession:
     """Return the recording of a pattern."""
-    rng = np.random.default_rng([seed, sum(model.count for model in scene.models)])
+    rng = np.random.default_rng([seed, sum(model.number for model in scene.models)])
     rig = _dome(scene.models, rng)
     drawn = [_tents(scene, rng) for _ in range(scene.scenes)]
     positions = np.concatenate([own for own, _ in drawn])
@@ -98,17 +98,17 @@ def simulate_pattern(scene: PatternScene, seed: int) -> PatternSession:
         cameras.append(np.full(len(seen), c))
         points.append(seen)
         pixels.append(noisy)
-    camera, point, pixel = (np.concatenate(parts) for parts in (cameras, points, pixels))
+    own_camera, point, pixel = (np.concatenate(parts) for parts in (cameras, points, pixels))
     use = np.bincount(point, minlength=len(positions))[point] >= 2
-    camera, point, pixel = camera[use], point[use], pixel[use]
+    own_camera, point, pixel = own_camera[use], point[use], pixel[use]
     used, point = np.unique(point, return_inverse=True)
-    order = np.lexsort([camera, point])
-    return PatternSession(rig, positions[used], camera[order], point[order], pixel[order])
+    order = np.lexsort([own_camera, point])
+    return PatternSession(rig, positions[used], own_camera[order], point[order], pixel[order])
 
 
 def _dome(models: tuple[CameraModel, ...], rng: np.random.Generator) -> Rig:
     """Return cameras at evenly spaced places of the dome (Fibonacci lattice), which look near its centre."""
-    kinds = [model for model in models for _ in range(model.count)]
+    kinds = [model for model in models for _ in range(model.number)]
     order = rng.permutation(len(kinds))
     middle = np.array([0.0, 0.0, CENTRE_HEIGHT])
     cameras = []

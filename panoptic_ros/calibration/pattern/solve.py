@@ -27,7 +27,6 @@ from panoptic_ros.calibration.pattern.start import (
     triangulated_points,
 )
 from panoptic_ros.calibration.pattern.tracks import PatternSightings, thinned
-from panoptic_ros.calibration.people.frame import TAPE_SD_M
 from panoptic_ros.calibration.projection import POSE
 from panoptic_ros.calibration.rig_start import SCALE, CameraInput
 from panoptic_ros.calibration.solve import (
@@ -37,6 +36,7 @@ from panoptic_ros.calibration.solve import (
     plain_noise,
     robust_noise,
 )
+from panoptic_ros.calibration.tape import TAPE_SD_M
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.geometry import ProjectionStack, Rigid
 from panoptic_ros.stage import Progress
@@ -157,7 +157,8 @@ def _adjusted(
         seen = seen._replace(variances=(noise**2)[seen.cameras])
     progress(0.6, "outliers")
     _refuse_contradictions(cameras, noise)
-    good: Array = ((residuals_of(seen, state) ** 2) < OUTLIER**2 * seen.variances[:, None]).all(axis=1)
+    squares = residuals_of(seen, state) ** 2
+    good: Array = np.all(squares < OUTLIER**2 * seen.variances[:, None], axis=1)
     before = np.bincount(seen.cameras, minlength=count)
     seen, state, _, _ = kept_points(seen, state, good)
     outliers = before - np.bincount(seen.cameras, minlength=count)

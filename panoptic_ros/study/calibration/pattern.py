@@ -13,10 +13,10 @@ import numpy as np
 
 from panoptic_ros.calibration.pattern.solve import calibrate_pattern
 from panoptic_ros.calibration.pattern.tracks import PatternSightings
-from panoptic_ros.calibration.people.frame import TAPE_SD_M
 from panoptic_ros.calibration.projection import POSE
 from panoptic_ros.calibration.quality import predicted_errors
 from panoptic_ros.calibration.solve import CalibratedRig
+from panoptic_ros.calibration.tape import TAPE_SD_M
 from panoptic_ros.calibration.world import rig_in_world
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import CalibrationError
@@ -170,7 +170,7 @@ def memory_gb() -> float:
 
 
 def _points(scene: PatternScene) -> int:
-    return scene.scenes * scene.points * sum(model.count for model in scene.models)
+    return scene.scenes * scene.points * sum(model.number for model in scene.models)
 
 
 def _approximate(rig: Rig, rng: np.random.Generator) -> list[Rigid]:
