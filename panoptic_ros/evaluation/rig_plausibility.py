@@ -27,7 +27,7 @@ MOST_TANGENTIAL = 0.03
 # share of the rig's span; closer cameras are treated as one pose, since even stereo heads are wider
 ONE_PLACE = 1e-3
 BONES_SD = 0.03  # relative, of the mean scale by bones from two rays: joints of detectors, and noise
-CERTAIN = 3.0  # standard deviations of a scale that is certainly wrong
+CERTAIN = 2.0  # standard deviations of a scale that is reported; short recordings are off by 15 %
 ONE_DIRECTION = np.radians(0.5)  # rad; closer rotations are treated as one pose, too
 
 
@@ -187,7 +187,7 @@ def _stature(people: Array, skeleton: SkeletonModel, at_once: int) -> list[Notic
         f"{STATURE_M * sd:.2f} m: lengths are {np.exp(-scale):.2f} times the true ones, unless these are "
         "children; measure the distance of two cameras for `panoptic rig convert --distance`"
     )
-    return [Notice("rig.scale", "warning", text, {"factor": float(np.exp(scale))})]
+    return [Notice("rig.scale", "info", text, {"factor": float(np.exp(scale))})]
 
 
 def _extent(points: Array) -> float:

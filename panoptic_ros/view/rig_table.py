@@ -40,6 +40,6 @@ def rig_table(rig: Rig, report: RigReport) -> str:
         )
         lines.append(row.format(camera.name, size, focal, place, miss, noise, fit.people))
     lines += [f"{note.severity}: {note.text}" for note in report.notices]
-    if not report.notices:
+    if all(note.code == "rig.scale" for note in report.notices):  # the scale does not change the views
         lines.append("the views agree")
     return "\n".join(lines)
