@@ -20,7 +20,7 @@ def test_few_people_are_fed_and_none_is_lost(capsys):
     [row] = result["rows"]
     assert 25 <= row["sent"] == row["received"] and row["lost"] == 0
     assert all(row[column.key] is not None for column in Graph.columns)
-    assert set(row["steps_ms"]) == {"sync", *FUSION}
+    assert set(row["steps_ms"]) == {"sync", *FUSION, "health"}
     [restart] = row["restarts"]  # people are followed on by the process that comes after
     assert restart["process"] == "fusion" and restart["silence_s"] > 0.0
     assert restart["people"] == 2 and restart["kept"] >= 1  # slow machines need seconds, in which they walk
