@@ -26,8 +26,8 @@ FAR_APART = 200.0  # m; largest plausible span of a rig
 MOST_TANGENTIAL = 0.03
 # share of the rig's span; closer cameras are treated as one pose, since even stereo heads are wider
 ONE_PLACE = 1e-3
-BONES_SD = 0.03  # relative, of the mean scale by bones from two rays: joints of detectors, and noise
-CERTAIN = 2.0  # standard deviations of a scale that is reported; short recordings are off by 15 %
+BONES_SD = 0.08  # relative, of the mean scale by bones: real detectors are off by 0.01 to 0.15
+CERTAIN = 2.0  # standard deviations of a scale that is reported
 ONE_DIRECTION = np.radians(0.5)  # rad; closer rotations are treated as one pose, too
 
 

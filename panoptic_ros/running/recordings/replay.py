@@ -52,7 +52,9 @@ def topics_from(begin: str) -> frozenset[str]:
         if ports & given and not spec.switch:
             given |= set(spec.outputs)
             taken |= ports
-    made = {key for spec in NODES.values() for key in spec.outputs}  # stages make these again, if not recorded
+    made = {
+        key for spec in NODES.values() for key in spec.outputs
+    }  # stages make these again, if not recorded
     latched = {key for key, topic in TOPICS.items() if topic.latched and (topic.recorded or key not in made)}
     wanted = keys | (taken - given) | latched
     return frozenset(wanted | {variant for key in wanted for variant in variants(key)})
