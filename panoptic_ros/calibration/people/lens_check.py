@@ -14,7 +14,8 @@ from panoptic_ros.calibration.projection import OFFSET, POSE
 Array = np.ndarray
 ASPECT_SD = 1e-4  # relative, of the ratio of both focal lengths of a camera, which is kept
 PARTS = 4  # parts of the recording that the jackknife leaves out in turn; shorter ones share errors
-CERTAIN = 4.0  # standard deviations of a change that is certain; right lenses of Shelf reach 3.9
+# standard deviations of a change that is certain; right lenses of Shelf reach 3.9 in one camera, 4.7 in all
+CERTAIN = 4.0
 # relative; 5 % costs 8 mm. Constant errors of a real detector look like a change of 3 % on Shelf
 GOOD_FOCAL, REFUSED_FOCAL = 0.04, 0.1
 
