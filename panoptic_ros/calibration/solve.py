@@ -36,6 +36,7 @@ MEDIAN_SQUARE = 2.0 * np.log(2.0)  # median of a chi-squared variable with two d
 # px, noise of a camera beyond which its views contradict those of others. Mirrored images and second boards
 # give 3 to 130 px, webcams with random delays up to 2 px.
 CONTRADICTION_PX = 2.5
+CHECK = "its driver does not mirror images, that only one board is shown, that stamps are right, and --board"
 SEPARATE = 0.7  # share of free residuals from which each camera has a noise of its own
 MOVING_PX_S = 2.0  # px/s, median speed of a camera's points below which its clock is not estimated
 
@@ -144,7 +145,7 @@ def _calibrated(
             break
         if (np.abs(noise / before - 1.0) < SETTLED).all():
             break
-    _refuse_contradictions(cameras, robust_noise(seen, state, len(cameras)))
+    refuse_contradictions(cameras, robust_noise(seen, state, len(cameras)), "views of the board", CHECK)
     good = ((residuals_of(seen, state) ** 2) / seen.variances[:, None] < OUTLIER**2).all(axis=1)
     outliers = np.bincount(seen.cameras[seen.views][~good], minlength=len(cameras))
     seen = _kept(seen, good)
@@ -158,8 +159,11 @@ def _calibrated(
     )
 
 
-def _refuse_contradictions(cameras: Sequence[CameraInput], noise: Array) -> None:
-    """Refuse cameras whose views do not fit to those of the others, given the noise (C,) px of all cameras.
+def refuse_contradictions(cameras: Sequence[CameraInput], noise: Array, seen: str, check: str) -> None:
+    """Refuse cameras whose pixels do not fit to those of the others, given the noise (C,) px of all cameras.
+
+    Args:
+        seen: Name of the pixels, for the message. check: Advice, for the message.
 
     Raises:
         CalibrationError: naming these cameras.
@@ -167,9 +171,8 @@ def _refuse_contradictions(cameras: Sequence[CameraInput], noise: Array) -> None
     names = [f"{own.name} ({px:.0f} px)" for own, px in zip(cameras, noise) if px > CONTRADICTION_PX]
     if names:
         raise CalibrationError(
-            f"camera{'s' * (len(names) > 1)} {', '.join(names)}: views of the board contradict those of "
-            "other cameras; check that its driver does not mirror images, that only one board is shown, that "
-            "stamps are right, and --board"
+            f"camera{'s' * (len(names) > 1)} {', '.join(names)}: {seen} contradict those of other cameras; "
+            f"check that {check}"
         )
 
 

@@ -106,12 +106,12 @@ def run(args: argparse.Namespace) -> int:
         return 0
     if args.what is not None:
         raise UsageError(f"{args.what}: one folder is expected; options begin with --")
+    from panoptic_ros.io.rigs.intrinsics import read_intrinsics
     from panoptic_ros.running.calibration.calibrate import calibrate_recording
     from panoptic_ros.running.calibration.depth_sensors import sensors_of
-    from panoptic_ros.running.plans.rig_files import read_rig_at
     from panoptic_ros.view.progress import PassBar
 
-    known = read_rig_at(args.intrinsics) if args.intrinsics else None
+    known = read_intrinsics(args.intrinsics) if args.intrinsics else None
     with PassBar("images") as bar:
         found = calibrate_recording(
             Path(args.folder),
@@ -129,13 +129,15 @@ def run(args: argparse.Namespace) -> int:
 
 def _run_wand(args: argparse.Namespace, out: Path) -> int:
     """Calibrate cameras with known lenses from a wand."""
+    from panoptic_ros.io.rigs.intrinsics import read_intrinsics
     from panoptic_ros.running.calibration.calibrate import calibrate_with_wand
-    from panoptic_ros.running.plans.rig_files import read_rig_at
     from panoptic_ros.view.progress import PassBar
 
-    if args.floor is not None or args.lens != "brown":
-        raise UsageError("--floor and --lens are for boards; a wand refines the lenses of --intrinsics")
-    known = read_rig_at(args.intrinsics) if args.intrinsics else None
+    if args.floor is not None or args.lens != "brown" or args.depth_sensor:
+        raise UsageError(
+            "--floor, --lens and --depth-sensor are for boards; a wand refines the lenses of --intrinsics"
+        )
+    known = read_intrinsics(args.intrinsics) if args.intrinsics else None
     with PassBar("images") as bar:
         found = calibrate_with_wand(
             Path(args.folder), args.board, bar.show, known, args.synchronous, args.distance

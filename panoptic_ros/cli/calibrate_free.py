@@ -79,13 +79,13 @@ def run_people(args: argparse.Namespace, out: Path) -> int:
 
 def run_pattern(args: argparse.Namespace, out: Path) -> int:
     """Calibrate cameras with known lenses from a random pattern."""
+    from panoptic_ros.io.rigs.intrinsics import read_intrinsics
     from panoptic_ros.running.calibration.calibrate_pattern import calibrate_from_pattern
-    from panoptic_ros.running.plans.rig_files import read_rig_at
     from panoptic_ros.view.progress import PassBar
 
     if args.floor is not None or args.lens != "brown" or args.stature or args.depth_sensor:
         raise UsageError("--floor, --lens, --stature and --depth-sensor are not for --pattern")
-    known = read_rig_at(args.intrinsics) if args.intrinsics else None
+    known = read_intrinsics(args.intrinsics) if args.intrinsics else None
     with PassBar("images") as bar:
         found = calibrate_from_pattern(Path(args.folder), known, args.distance, args.refine, bar.show)
     return finish(args, out, found)

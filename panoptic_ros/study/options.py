@@ -6,7 +6,7 @@ Each value is parsed once. A bad value causes an error of one line.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +47,22 @@ def numbers(low: int, high: int) -> Callable[[str], tuple[int, ...]]:
 def words(text: str) -> list[str]:
     """Return the words of a comma-separated list; use it as `type` of an option."""
     return [word.strip() for word in text.split(",") if word.strip()]
+
+
+def add_cases(parser: argparse.ArgumentParser, cases: Iterable[str], others: Iterable[str] = ()) -> None:
+    """Add the option --cases NAME,NAME.
+
+    Args:
+        cases: Names that are measured by default. others: Further names.
+    """
+    names, more = list(cases), ", ".join(others)
+    parser.add_argument(
+        "--cases",
+        type=words,
+        default=names,
+        metavar="NAME,NAME",
+        help=f"cases; default {','.join(names)}" + (f"; large ones: {more}" if more else ""),
+    )
 
 
 def add_seeds(parser: argparse.ArgumentParser, default: str) -> None:

@@ -55,13 +55,16 @@ def quality_rows(quality: Quality) -> list[tuple[str, ...]]:
 
 def quality_table(quality: Quality) -> list[str]:
     """Return the table of cameras and the predicted error as lines of text."""
-    rows = [HEAD, *quality_rows(quality)]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(HEAD))]
-    lines = [
+    return [*text_table([HEAD, *quality_rows(quality)]), prediction(quality)]
+
+
+def text_table(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return rows of text as lines with aligned columns, the first column to the left."""
+    widths = [max(len(cell) for cell in column) for column in zip(*rows)]
+    return [
         "  ".join(cell.ljust(w) if k == 0 else cell.rjust(w) for k, (cell, w) in enumerate(zip(row, widths)))
         for row in rows
     ]
-    return [*lines, prediction(quality)]
 
 
 def prediction(quality: Quality) -> str:

@@ -6,7 +6,7 @@ import html
 from collections.abc import Mapping, Sequence
 
 from panoptic_ros.calibration.quality import Quality
-from panoptic_ros.view.calibration_report import STYLE, html_table, link_rows
+from panoptic_ros.view.calibration_report import STYLE, html_table, link_rows, text_table
 
 HEAD = ("camera", "instants", "joints", "left out", "noise px", "image", "offset ms", "± ms")
 
@@ -30,13 +30,7 @@ def people_rows(quality: Quality) -> list[tuple[str, ...]]:
 
 def people_table(quality: Quality, prediction: str) -> list[str]:
     """Return the table of cameras and the line about predicted errors as lines of text."""
-    rows = [HEAD, *people_rows(quality)]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(HEAD))]
-    lines = [
-        "  ".join(cell.ljust(w) if k == 0 else cell.rjust(w) for k, (cell, w) in enumerate(zip(row, widths)))
-        for row in rows
-    ]
-    return [*lines, prediction]
+    return [*text_table([HEAD, *people_rows(quality)]), prediction]
 
 
 def people_page(

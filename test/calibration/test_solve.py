@@ -33,7 +33,7 @@ def test_exact_corners_give_the_exact_rig(lens):
         inputs_of(session, FISHEYE if lens == "fisheye" else None), views, BOARD.points, False
     )
     errors = errors_of(found, session)
-    assert errors["error_m"] < 2e-5  # the weak priors of the lenses are all that is left
+    assert errors["error_m"] < 2e-5  # only the weak priors of the lenses cause errors
     assert errors["focal"] < 1e-5
 
 

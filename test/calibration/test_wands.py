@@ -21,7 +21,7 @@ WANDS = ["wand:500mm", "wand:0/150/500mm", "wand:0,0/150,-200/150,0/500,0mm"]
 
 
 def known_lens(camera, rng, focal=0.005, centre_px=3.0, term=0.02):
-    """A lens that is as wrong as its covariance states."""
+    """Return a lens and its information, with errors drawn from it."""
     matrix = camera.intrinsics.matrix
     sd = np.array([focal * matrix[0, 0]] * 2 + [centre_px] * 2 + [term] * 5)
     lens, information = np.zeros(LENS), np.zeros((LENS, LENS))
@@ -52,7 +52,7 @@ def test_errors_are_as_large_as_stated(text):
         errors = errors_of(found, session)
         ratios.append(errors["ratio"])
         nees.append(errors["nees"])
-    assert 0.4 < np.median(ratios) < 2.0 and 0.4 < np.mean(nees) < 2.0
+    assert 0.4 < np.median(ratios) < 1.6 and 0.4 < np.mean(nees) < 2.0
 
 
 def test_clocks_are_found_with_a_wand_of_two_markers():

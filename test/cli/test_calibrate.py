@@ -55,7 +55,7 @@ def test_images_of_a_board_give_a_rig_with_its_report(session, tmp_path, capsys)
 
 
 def bag_of(path, folder, topic, kind, damaged=0):
-    """A bag with the images of a folder at 10 Hz."""
+    """Write the images of a folder to a bag, at 10 Hz."""
     with BagWriter(path) as bag:
         for camera in sorted(place for place in folder.iterdir() if place.is_dir()):
             for n, file in enumerate(sorted(camera.iterdir())):
@@ -129,6 +129,24 @@ def test_known_intrinsics_are_kept(session, tmp_path):
     assert main(["calibrate", str(folder), *options, "--out", str(tmp_path / "o")]) == 0
     found = read_rig(tmp_path / "o" / "rig.json")
     np.testing.assert_allclose(distances(found), distances(truth), atol=0.002)
+
+
+def test_known_intrinsics_need_no_poses(session, tmp_path):
+    folder, truth = session
+    cameras = [
+        {
+            "name": camera.name,
+            "image_size": list(camera.image_size),
+            "K": camera.intrinsics.matrix.tolist(),
+            "distortion": [0.0] * 5,
+        }
+        for camera in truth.cameras
+    ]
+    (tmp_path / "lenses.json").write_text(json.dumps({"cameras": cameras}))
+    options = ["--board", BOARD, "--synchronous", "--intrinsics", str(tmp_path / "lenses.json"), "--quiet"]
+    assert main(["calibrate", str(folder), *options, "--out", str(tmp_path / "o")]) == 0
+    found = read_rig(tmp_path / "o" / "rig.json")
+    np.testing.assert_allclose(distances(found), distances(truth), atol=0.01)
 
 
 def refused(capsys, *words):
@@ -283,6 +301,7 @@ def test_a_wand_refines_known_lenses_and_gives_the_rig(tmp_path, capsys):
     assert "a wand needs known lenses" in refused(capsys, tmp_path / "s", *options)
     known = ["--intrinsics", str(tmp_path / "known.json")]
     assert "for boards" in refused(capsys, tmp_path / "s", *options, *known, "--floor", "1")
+    assert "for boards" in refused(capsys, tmp_path / "s", *options, *known, "--depth-sensor", "cam0=cam1")
     assert main(["calibrate", str(tmp_path / "s"), *options, *known]) == 0
     assert "mark points on the floor" in capsys.readouterr().err
     np.testing.assert_allclose(distances(read_rig(tmp_path / "o" / "rig.json")), distances(rig), atol=0.01)

@@ -30,10 +30,10 @@ from panoptic_ros.calibration.pattern.tracks import PatternSightings, thinned
 from panoptic_ros.calibration.projection import POSE
 from panoptic_ros.calibration.rig_start import SCALE, CameraInput
 from panoptic_ros.calibration.solve import (
-    CONTRADICTION_PX,
     OUTLIER,
     CalibratedRig,
     plain_noise,
+    refuse_contradictions,
     robust_noise,
 )
 from panoptic_ros.calibration.tape import TAPE_SD_M
@@ -42,6 +42,7 @@ from panoptic_ros.geometry import ProjectionStack, Rigid
 from panoptic_ros.stage import Progress
 
 Array = np.ndarray
+CHECK = "its intrinsics are those of this lens and image size, and that its images show the same scenes"
 GIVEN_PX = 10.0  # px, first noise with given poses: 0.5 degrees and 2 cm are 5 to 12 px
 STEPS = 12  # most steps of an adjustment
 # Relative decreases of the cost that end adjustments: before the noise is known, and at the end. A step
@@ -156,7 +157,7 @@ def _adjusted(
         noise = robust_noise(seen, state, count)
         seen = seen._replace(variances=(noise**2)[seen.cameras])
     progress(0.6, "outliers")
-    _refuse_contradictions(cameras, noise)
+    refuse_contradictions(cameras, noise, "points of the pattern", CHECK)
     squares = residuals_of(seen, state) ** 2
     good: Array = np.all(squares < OUTLIER**2 * seen.variances[:, None], axis=1)
     before = np.bincount(seen.cameras, minlength=count)
@@ -169,21 +170,6 @@ def _adjusted(
     covariance, index = covariance_of(seen, state)
     links = _links(seen, count)
     return CalibratedRig(tuple(cameras), (), seen, state, covariance, index, noise, links, outliers)
-
-
-def _refuse_contradictions(cameras: Sequence[CameraInput], noise: Array) -> None:
-    """Refuse cameras whose pixels do not fit to those of the others, given the noise (C,) px of all cameras.
-
-    Raises:
-        CalibrationError: naming these cameras.
-    """
-    names = [f"{own.name} ({px:.0f} px)" for own, px in zip(cameras, noise) if px > CONTRADICTION_PX]
-    if names:
-        raise CalibrationError(
-            f"camera{'s' * (len(names) > 1)} {', '.join(names)}: points of the pattern contradict those of "
-            "other cameras; check that its intrinsics are those of this lens and image size, and that its "
-            "images show the same scenes"
-        )
 
 
 def _links(seen: Observations, count: int) -> dict[tuple[int, int], int]:

@@ -23,6 +23,7 @@ from panoptic_ros.stage import Progress, part_of
 
 Array = np.ndarray
 MOST_SCENES = 20  # images of a camera, evenly spaced, that are used
+ONE_PLACE_M = 1e-3  # m, span of cameras whose poses are missing
 NEIGHBOURS = 12  # cameras that look most alike, whose images are matched if poses are known
 
 
@@ -50,6 +51,8 @@ def calibrate_from_pattern(
             "a pattern does not give the scale: give --distance CAM_A,CAM_B=M, the measured distance of two "
             "lenses"
         )
+    if refine and np.ptp(known.stack().centres, axis=0).max() < ONE_PLACE_M:
+        raise UsageError("--refine needs poses, and --intrinsics gives none; leave --refine out")
     recording, sightings = _read_scenes(path, known, refine, part_of(progress, 0.0, 0.6))
     names = recording.names
     if unknown := [name for name in distance[:2] if name not in names]:

@@ -27,7 +27,7 @@ from panoptic_ros.simulation.board_sessions import BoardScene, BoardSession, sim
 from panoptic_ros.stage import Progress
 from panoptic_ros.study.calibration.alignment import triangulated
 from panoptic_ros.study.calibration.peers import OWN, Problem, add_peers, attempts, with_known_lens
-from panoptic_ros.study.options import add_seeds, known_names, words
+from panoptic_ros.study.options import add_cases, add_seeds, known_names
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
 Array = np.ndarray
@@ -82,13 +82,7 @@ class Calibration(Study):
     @classmethod
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
-        parser.add_argument(
-            "--cases",
-            type=words,
-            default=list(CASES),
-            metavar="NAME,NAME",
-            help=f"cases; default {','.join(CASES)}",
-        )
+        add_cases(parser, CASES)
         add_seeds(parser, "0:10")
         add_peers(parser)
 

@@ -37,7 +37,7 @@ from panoptic_ros.simulation.pattern_sessions import (
 from panoptic_ros.stage import Progress
 from panoptic_ros.study.calibration.alignment import similarity, triangulated
 from panoptic_ros.study.calibration.boards import CALIBRATED, camera_errors, poses_apart, uncertain_inputs
-from panoptic_ros.study.options import add_seeds, known_names, words
+from panoptic_ros.study.options import add_cases, add_seeds, known_names
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
 Array = np.ndarray
@@ -93,13 +93,7 @@ class CalibrationPattern(Study):
     @classmethod
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
-        parser.add_argument(
-            "--cases",
-            type=words,
-            default=list(CASES),
-            metavar="NAME,NAME",
-            help=f"cases; default {','.join(CASES)}; large ones: {', '.join(LARGE)}",
-        )
+        add_cases(parser, CASES, LARGE)
         add_seeds(parser, "0:10")
 
     def cases(self) -> list[Case]:

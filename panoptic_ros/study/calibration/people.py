@@ -28,7 +28,7 @@ from panoptic_ros.simulation.rigs import Corners, Ring
 from panoptic_ros.simulation.skeleton import SKELETON
 from panoptic_ros.stage import Progress
 from panoptic_ros.study.calibration.alignment import Similarity, similarity, triangulated
-from panoptic_ros.study.options import add_seeds, known_names, words
+from panoptic_ros.study.options import add_cases, add_seeds, known_names
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
 Array = np.ndarray
@@ -75,13 +75,7 @@ class CalibrationPeople(Study):
     @classmethod
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
-        parser.add_argument(
-            "--cases",
-            type=words,
-            default=list(CASES),
-            metavar="NAME,NAME",
-            help=f"cases; default {','.join(CASES)}",
-        )
+        add_cases(parser, CASES)
         parser.add_argument(
             "--capture",
             type=Path,
