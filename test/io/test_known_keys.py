@@ -78,6 +78,7 @@ TELLING = {
     "io.occluders",
     "io.plain_formats",
     "io.rigs.camera_info",
+    "io.rigs.intrinsics",
     "io.skeletons",
     "io.synctables",
 }

@@ -13,11 +13,12 @@ from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.io.documents import read_yaml
+from panoptic_ros.io.known_keys import tell_unknown
 from panoptic_ros.io.loading import parsing
 from panoptic_ros.io.rigs import camera_info
 from panoptic_ros.io.rigs.document import load_document
 from panoptic_ros.io.rigs.fields import camera, image_size, listing, name_of, numbers, text_of
-from panoptic_ros.io.rigs.registry import find_rig, read_rig
+from panoptic_ros.io.rigs.registry import RIG_JSON, find_rig, read_rig
 
 YAML = (".yaml", ".yml")  # suffixes of ROS camera_info files
 ONE_PLACE_M = 1e-3  # m, span of cameras whose poses mean nothing
@@ -42,6 +43,7 @@ def read_intrinsics(path: Path) -> Rig:
         with parsing(path, CalibrationError):
             document = load_document(path)
         if document is not None and document.syntax == "json" and _lacks_poses(document.content):
+            tell_unknown(document.content, RIG_JSON, path)
             try:
                 return _unposed([_of_json(item, k) for k, item in _items(document.content)])
             except CalibrationError as error:

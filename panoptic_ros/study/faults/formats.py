@@ -25,6 +25,7 @@ from panoptic_ros.io.occluders import read_occluders
 from panoptic_ros.io.plain_formats import read_detections, read_skeletons
 from panoptic_ros.io.pose_prior import read_prior
 from panoptic_ros.io.rigs import read_rig
+from panoptic_ros.io.rigs.intrinsics import read_intrinsics
 from panoptic_ros.io.skeletons import load_skeleton, map_joints
 from panoptic_ros.io.stamps import read_stamps, stamps_of_frames
 from panoptic_ros.io.synctables import read_synctables
@@ -154,6 +155,7 @@ def _c3d(path: Path) -> None:
 FORMATS: dict[str, Format] = {
     "rig.json": Format(samples.rig_file("rig.json"), _rig),
     "rig.json.gz": Format(samples.packed(samples.rig_file("rig.json")), _rig),
+    "lenses without poses": Format(samples.lenses, read_intrinsics),
     "rig of CMU": Format(samples.rig_file("panoptic", "cmu.json"), _rig),
     "rig of a pack": Format(samples.pack_rig, _rig),
     "rig of Qualisys": Format(samples.rig_file("qca", "rig.qca.txt"), _rig),

@@ -62,6 +62,16 @@ def camera_info(name: str) -> Sample:
     return write
 
 
+def lenses(folder: Path) -> Path:
+    """Write the rig as rig.json without poses."""
+    path = rig_file("rig.json", "lenses.json")(folder)
+    document = json.loads(path.read_text())
+    for camera in document["cameras"]:
+        del camera["R"], camera["t"]
+    path.write_text(json.dumps(document))
+    return path
+
+
 def packed(sample: Sample) -> Sample:
     """Return a writer of another sample in gzip form."""
 
