@@ -22,8 +22,3 @@ Limits:
 * A tape that runs backwards gives no clock.
 * Small jumps are not detected. The limit is eight times the timestamp scatter, but at most `jump_s`.
 """
-
-from panoptic_ros.clocks.config import ClocksConfig
-from panoptic_ros.clocks.stage import ClocksStage
-
-__all__ = ["ClocksConfig", "ClocksStage"]

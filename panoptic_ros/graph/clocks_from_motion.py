@@ -9,7 +9,9 @@ from panoptic_ros.domain import DetectionSet, TrackedPoseSet
 from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.graph.pipeline import records_of
 from panoptic_ros.graph.recording import InMemoryRecording
-from panoptic_ros.offsets import CameraClocks, MotionClocks, MotionClocksConfig, regroup
+from panoptic_ros.offsets.clocks import CameraClocks
+from panoptic_ros.offsets.passes import MotionClocks, MotionClocksConfig
+from panoptic_ros.offsets.regroup import regroup
 from panoptic_ros.params import Config
 from panoptic_ros.stage import Progress, StageContext, untold
 

@@ -22,7 +22,7 @@ from panoptic_ros.io.loading import parsing
 
 if TYPE_CHECKING:
     from panoptic_ros.continuous.motion_result import ContinuousMotion
-    from panoptic_ros.offsets import CameraClocks
+    from panoptic_ros.offsets.clocks import CameraClocks
 
 FORMAT, OLDER = "panoptic-clocks-1", "panoptic-offsets-1"
 KEYS = keys(

@@ -20,9 +20,3 @@ Limits:
 * Without motion the clocks are unknown, and a notice reports it.
 * Calibration errors are not separated from clock errors.
 """
-
-from panoptic_ros.offsets.clocks import CameraClocks
-from panoptic_ros.offsets.passes import MotionClocks, MotionClocksConfig, clocks_from_motion
-from panoptic_ros.offsets.regroup import regroup
-
-__all__ = ["CameraClocks", "MotionClocks", "MotionClocksConfig", "clocks_from_motion", "regroup"]

@@ -10,7 +10,8 @@ from panoptic_ros.domain import FrameRate, Timecode, TimecodeReading
 from panoptic_ros.errors import UsageError
 from panoptic_ros.io.wav import write_wav
 from panoptic_ros.simulation.ltc_signal import encode_ltc, timecode_rate
-from panoptic_ros.timecode import TimecodeConfig, decode_recording
+from panoptic_ros.timecode.config import TimecodeConfig
+from panoptic_ros.timecode.recording import decode_recording
 
 
 def decode_file(path: Path, channel: int = 0) -> tuple[int, list[TimecodeReading]]:

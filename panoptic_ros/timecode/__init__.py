@@ -41,9 +41,3 @@ Limits:
 * A delay that all words share (room echoes, an asymmetric filter) shifts the start. The standard deviation
   does not include it.
 """
-
-from panoptic_ros.timecode.config import TimecodeConfig
-from panoptic_ros.timecode.recording import decode_recording
-from panoptic_ros.timecode.stage import TimecodeStage
-
-__all__ = ["TimecodeConfig", "TimecodeStage", "decode_recording"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.continuous.motion_result import ContinuousMotion
-from panoptic_ros.offsets import CameraClocks
+from panoptic_ros.offsets.clocks import CameraClocks
 from panoptic_ros.offsets.sound import SoundClockEstimate
 
 AIR = 3.0  # gate, in standard deviations of the difference, beyond which motion and sound offsets contradict

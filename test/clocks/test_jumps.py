@@ -8,7 +8,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from panoptic_ros.clocks import ClocksConfig, ClocksStage
+from panoptic_ros.clocks.config import ClocksConfig
+from panoptic_ros.clocks.stage import ClocksStage
 from panoptic_ros.domain import ClockModel, FrameRate, Timecode, TimecodeReading
 
 PAL = FrameRate(25, Fraction(25))

@@ -6,8 +6,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from panoptic_ros.clocks import ClocksConfig, ClocksStage
-from panoptic_ros.clocks.stage import behind, inverse
+from panoptic_ros.clocks.config import ClocksConfig
+from panoptic_ros.clocks.stage import ClocksStage, behind, inverse
 from panoptic_ros.domain import ClockModel, Timecode, TimecodeReading
 from panoptic_ros.simulation.ltc_signal import timecode_rate
 

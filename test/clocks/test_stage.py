@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from panoptic_ros.clocks import ClocksConfig, ClocksStage
+from panoptic_ros.clocks.config import ClocksConfig
+from panoptic_ros.clocks.stage import ClocksStage
 from panoptic_ros.domain import ClockModel, FrameRate, Timecode, TimecodeReading
 from panoptic_ros.stage import Notice
 

@@ -18,7 +18,7 @@ from panoptic_ros.io.clock_files import (
     write_models,
 )
 from panoptic_ros.io.known_keys import UnknownKeyWarning
-from panoptic_ros.offsets import CameraClocks
+from panoptic_ros.offsets.clocks import CameraClocks
 
 START = 10**11
 CLOCK = {"offset_s": 0.01, "drift_ppm": 20.0}

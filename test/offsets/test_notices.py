@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from panoptic_ros.offsets import CameraClocks
+from panoptic_ros.offsets.clocks import CameraClocks
 from panoptic_ros.offsets.stage import ClockNotices
 
 NAMES = ("a", "b", "c")

@@ -10,7 +10,10 @@ from panoptic_ros.domain import DetectionSet
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.clocks_from_motion import ClockCorrection, find_clocks
 from panoptic_ros.graph.recording import InMemoryRecording
-from panoptic_ros.offsets import CameraClocks, MotionClocks, MotionClocksConfig, passes, regroup
+from panoptic_ros.offsets import passes
+from panoptic_ros.offsets.clocks import CameraClocks
+from panoptic_ros.offsets.passes import MotionClocks, MotionClocksConfig
+from panoptic_ros.offsets.regroup import regroup
 from panoptic_ros.solving.spans import WINDOW_S, WINDOWS, telling_spans
 from panoptic_ros.stage import StageContext, untold
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from panoptic_ros.offsets import regroup
+from panoptic_ros.offsets.regroup import regroup
 
 
 def test_without_corrections_nothing_changes(make_capture):

@@ -11,8 +11,9 @@ from scipy.signal import butter, lfilter
 from panoptic_ros.domain import Timecode
 from panoptic_ros.simulation.ltc_channel import ChannelDistortion, play_ltc
 from panoptic_ros.simulation.ltc_signal import AudioFaults, timecode_rate
-from panoptic_ros.timecode import TimecodeConfig, decode_recording
+from panoptic_ros.timecode.config import TimecodeConfig
 from panoptic_ros.timecode.decoder import LtcDecoder
+from panoptic_ros.timecode.recording import decode_recording
 
 START = Timecode(10, 20, 30, 4, timecode_rate("30"))
 

@@ -10,7 +10,9 @@ import pytest
 from panoptic_ros.domain import AudioBlock, Timecode, TimecodeReading
 from panoptic_ros.simulation.ltc_channel import ChannelDistortion, play_ltc
 from panoptic_ros.simulation.ltc_signal import AudioFaults, LtcSignal, timecode_rate
-from panoptic_ros.timecode import TimecodeConfig, TimecodeStage, decode_recording
+from panoptic_ros.timecode.config import TimecodeConfig
+from panoptic_ros.timecode.recording import decode_recording
+from panoptic_ros.timecode.stage import TimecodeStage
 
 WORDS = 100
 

@@ -7,7 +7,8 @@ import numpy as np
 from panoptic_ros.domain import Timecode
 from panoptic_ros.simulation.ltc_channel import ChannelDistortion, play_ltc
 from panoptic_ros.simulation.ltc_signal import AudioFaults, timecode_rate
-from panoptic_ros.timecode import TimecodeConfig, decode_recording
+from panoptic_ros.timecode.config import TimecodeConfig
+from panoptic_ros.timecode.recording import decode_recording
 
 
 def test_a_coupling_delays_all_words_alike() -> None:

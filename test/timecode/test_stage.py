@@ -19,7 +19,8 @@ from panoptic_ros.simulation.ltc_signal import (
     encode_ltc,
     timecode_rate,
 )
-from panoptic_ros.timecode import TimecodeConfig, TimecodeStage
+from panoptic_ros.timecode.config import TimecodeConfig
+from panoptic_ros.timecode.stage import TimecodeStage
 
 RATES = ["23.976", "24", "25", "29.97", "29.97df", "30"]
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from panoptic_ros.offsets import CameraClocks
+from panoptic_ros.offsets.clocks import CameraClocks
 from panoptic_ros.offsets.sound import PairSound, SoundClockEstimate
 from panoptic_ros.view.clock_lines import contradictions, pair_lines, sound_lines
 

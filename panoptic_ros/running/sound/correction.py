@@ -10,7 +10,7 @@ import numpy as np
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.clocks_from_motion import find_clocks
 from panoptic_ros.io.clock_files import write_clocks
-from panoptic_ros.offsets import regroup
+from panoptic_ros.offsets.regroup import regroup
 from panoptic_ros.offsets.sound.passes import APART
 from panoptic_ros.running.plans.saved_clocks import RecordingClocks, with_line_delays
 from panoptic_ros.running.solve import SolveTask

@@ -8,12 +8,14 @@ from dataclasses import dataclass, field
 from itertools import chain
 from typing import Protocol
 
-from panoptic_ros.clocks import ClocksConfig, ClocksStage
+from panoptic_ros.clocks.config import ClocksConfig
+from panoptic_ros.clocks.stage import ClocksStage
 from panoptic_ros.domain import AudioBlock, ClockModel, TimecodeReading
 from panoptic_ros.errors import DataError
 from panoptic_ros.params import Config, config_of
 from panoptic_ros.stage import Notice
-from panoptic_ros.timecode import TimecodeConfig, TimecodeStage
+from panoptic_ros.timecode.config import TimecodeConfig
+from panoptic_ros.timecode.stage import TimecodeStage
 
 SECOND = 1_000_000_000
 LONGEST_S = 120.0  # s, maximum duration of decoded sound

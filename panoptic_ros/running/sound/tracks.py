@@ -16,7 +16,8 @@ from panoptic_ros.capture.sound import known_tracks, open_sound
 from panoptic_ros.domain import AudioBlock, Rig, TimecodeReading
 from panoptic_ros.errors import DataError
 from panoptic_ros.params import Config, config_of
-from panoptic_ros.timecode import TimecodeConfig, TimecodeStage
+from panoptic_ros.timecode.config import TimecodeConfig
+from panoptic_ros.timecode.stage import TimecodeStage
 
 LISTEN_S = 5.0  # s of a track to decode if its content is not stated; timecode is recognised within 0.3 s
 WORDS = 3  # timecode words that confirm a timecode

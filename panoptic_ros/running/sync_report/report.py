@@ -18,8 +18,9 @@ import numpy as np
 
 from panoptic_ros.capture import VIDEO_SUFFIXES, places_in
 from panoptic_ros.capture.sound import known_tracks, read_sound
-from panoptic_ros.clocks import ClocksConfig, ClocksStage
+from panoptic_ros.clocks.config import ClocksConfig
 from panoptic_ros.clocks.report import CameraClockReport, findings, measure_camera, phase_s, timecode_findings
+from panoptic_ros.clocks.stage import ClocksStage
 from panoptic_ros.clocks.stereo import LEAST_READINGS, align_timecodes
 from panoptic_ros.domain import Camera, ClockModel, Rig, SkeletonModel, TimecodeReading, ViewDetections
 from panoptic_ros.errors import DataError, UsageError
@@ -31,7 +32,9 @@ from panoptic_ros.io.stamps import StampTable, read_stamps, stamp_file
 from panoptic_ros.io.synctables import read_synctables
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.sync import SyncConfig, SyncStage
-from panoptic_ros.timecode import TimecodeConfig, TimecodeStage, decode_recording
+from panoptic_ros.timecode.config import TimecodeConfig
+from panoptic_ros.timecode.recording import decode_recording
+from panoptic_ros.timecode.stage import TimecodeStage
 from panoptic_ros.view.sync_plot import write_sync_plot
 
 FORMAT = "panoptic-sync-report-1"

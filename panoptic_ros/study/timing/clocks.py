@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from panoptic_ros.clocks import ClocksConfig, ClocksStage
+from panoptic_ros.clocks.config import ClocksConfig
+from panoptic_ros.clocks.stage import ClocksStage
 from panoptic_ros.clocks.timeline import day_ns
 from panoptic_ros.domain import (
     AudioBlock,
@@ -36,7 +37,8 @@ from panoptic_ros.stage import Notice, Progress, StageContext, StepResult
 from panoptic_ros.study.options import add_seeds
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 from panoptic_ros.sync import SyncConfig, SyncStage
-from panoptic_ros.timecode import TimecodeConfig, TimecodeStage
+from panoptic_ros.timecode.config import TimecodeConfig
+from panoptic_ros.timecode.stage import TimecodeStage
 
 SECOND = 1_000_000_000
 PAL = FrameRate(25, Fraction(25))

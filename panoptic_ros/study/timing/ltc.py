@@ -28,7 +28,9 @@ from panoptic_ros.study.timing.libltc import load_libltc
 from panoptic_ros.study.timing.ltc_conditions import CONDITIONS, Condition, clip, noise_bound_us
 from panoptic_ros.study.timing.ltc_robustness import COUNTS, robustness
 from panoptic_ros.study.timing.ltc_sounds import sounds
-from panoptic_ros.timecode import TimecodeConfig, TimecodeStage, decode_recording
+from panoptic_ros.timecode.config import TimecodeConfig
+from panoptic_ros.timecode.recording import decode_recording
+from panoptic_ros.timecode.stage import TimecodeStage
 
 Array = np.ndarray
 BLOCK = 1024

@@ -25,7 +25,9 @@ from panoptic_ros.simulation.ltc_channel import ChannelDistortion, play_ltc
 from panoptic_ros.simulation.ltc_signal import timecode_rate
 from panoptic_ros.stage import Progress, each, untold
 from panoptic_ros.study.timing.ltc_sounds import KINDS
-from panoptic_ros.timecode import TimecodeConfig, TimecodeStage, decode_recording
+from panoptic_ros.timecode.config import TimecodeConfig
+from panoptic_ros.timecode.recording import decode_recording
+from panoptic_ros.timecode.stage import TimecodeStage
 
 SAMPLE_RATES = (8000, 11025, 16000, 22050, 32000, 44100, 48000, 88200, 96000, 192000)  # Hz
 FRAME_RATES = ("23.976", "24", "25", "29.97", "29.97df", "30")

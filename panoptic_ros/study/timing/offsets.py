@@ -19,7 +19,8 @@ from panoptic_ros.evaluation.report import report_of
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.clocks_from_motion import find_clocks
 from panoptic_ros.graph.pipeline import records_of
-from panoptic_ros.offsets import CameraClocks, regroup
+from panoptic_ros.offsets.clocks import CameraClocks
+from panoptic_ros.offsets.regroup import regroup
 from panoptic_ros.running.arguments import within
 from panoptic_ros.simulation import Simulation, simulate
 from panoptic_ros.simulation.people import SimulatedPerson

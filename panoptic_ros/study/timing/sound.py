@@ -17,7 +17,8 @@ from panoptic_ros.domain import DetectionSet
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.clocks_from_motion import find_clocks
 from panoptic_ros.graph.recording import InMemoryRecording
-from panoptic_ros.offsets import CameraClocks, regroup
+from panoptic_ros.offsets.clocks import CameraClocks
+from panoptic_ros.offsets.regroup import regroup
 from panoptic_ros.offsets.sound import SoundClocks, SoundClocksConfig
 from panoptic_ros.offsets.sound.travel import SPEED_OF_SOUND
 from panoptic_ros.running.arguments import within

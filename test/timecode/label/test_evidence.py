@@ -9,8 +9,9 @@ import pytest
 
 from panoptic_ros.domain import Timecode
 from panoptic_ros.simulation.ltc_signal import square_wave, timecode_rate, word_bits
-from panoptic_ros.timecode import TimecodeConfig, decode_recording
+from panoptic_ros.timecode.config import TimecodeConfig
 from panoptic_ros.timecode.label.evidence import LabelLikelihood, UserBits, judge
+from panoptic_ros.timecode.recording import decode_recording
 from panoptic_ros.timecode.word.layout import USER_BITS, known_bits
 from panoptic_ros.timecode.word.viterbi import WordLevels
 

@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 from panoptic_ros.domain import AudioBlock, Timecode
 from panoptic_ros.simulation.ltc_channel import ChannelDistortion, play_ltc
 from panoptic_ros.simulation.ltc_signal import AudioFaults, timecode_rate, word_bits
-from panoptic_ros.timecode import TimecodeConfig, TimecodeStage
+from panoptic_ros.timecode.config import TimecodeConfig
 from panoptic_ros.timecode.label.counting import closest_rate, possible_rates, proposals
 from panoptic_ros.timecode.label.evidence import NO_BITS, judge
 from panoptic_ros.timecode.label.stretch import echo_nats, solve_labels
+from panoptic_ros.timecode.stage import TimecodeStage
 from panoptic_ros.timecode.word.layout import COUNTINGS, DROP_RATE, TABLES, known_bits
 from panoptic_ros.timecode.word.viterbi import WordLevels, best_path
 
