@@ -26,9 +26,9 @@ from panoptic_ros.calibration.target_poses import intrinsics_of, poses_of
 from panoptic_ros.calibration.target_views import TargetView
 
 Array = np.ndarray
-# share of the image diagonal, mean motion of the corners below which a view repeats the last one. At 5 Hz,
-# slower boards move less than 0.4 px in the 10 ms by which cameras differ.
-MOVED = 0.01
+# mean motion of the corners over their extent in the image, below which a view repeats the last one. A board
+# of 400 px that is slower than this per `LONGEST_STEP_S` moves by 0.3 px in the 10 ms by which cameras differ.
+MOVED = 0.03
 TOGETHER_S = 0.1  # s, longest time between two views that link their cameras: half the period of the search
 FEWEST_LINKS = 3  # instants that link two cameras: fewer have no majority for the medoid of relative poses
 FIRST_FOCAL = 0.8  # focal length over the longer side of the image, until the first solution
@@ -105,9 +105,7 @@ class CalibrationGuide:
         self._covered = np.zeros((len(cameras), *CELLS[::-1]), bool)
         self._tilts: list[float] = []  # degrees, by view
         self._distances: list[float] = []  # m, by view
-        self._links: dict[tuple[int, int], int] = {
-            (a, b): 0 for b in range(len(cameras)) for a in range(b)
-        }
+        self._links: dict[tuple[int, int], int] = {(a, b): 0 for b in range(len(cameras)) for a in range(b)}
         self._quality: Quality | None = None
         self._unsolved = "no board was seen yet"
 
@@ -173,13 +171,11 @@ class CalibrationGuide:
         if not len(own):
             return True
         motion = np.linalg.norm(view.pixels[own] - last.pixels[their], axis=1).mean()
-        return bool(motion > MOVED * np.hypot(*self._cameras[view.camera].size))
+        return bool(motion > MOVED * np.linalg.norm(np.ptp(view.pixels, axis=0)))
 
     def _measure(self, views: Sequence[TargetView]) -> None:
         """Append the tilts, degrees, and distances, m, of the board in views; NaN without a pose."""
-        own = [
-            intrinsics_of(lens, camera.model.fisheye) for lens, camera in zip(self._lenses, self._cameras)
-        ]
+        own = [intrinsics_of(lens, camera.model.fisheye) for lens, camera in zip(self._lenses, self._cameras)]
         for poses in poses_of(views, self._points, own):
             tilt = distance = float("nan")
             if poses:

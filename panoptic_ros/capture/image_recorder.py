@@ -36,7 +36,9 @@ class ImageRecorder:
     def __init__(self, path: Path, cameras: Sequence[str]):
         self.path = path
         if os.path.lexists(path):
-            raise DataError(f"{path} exists already, and recordings stay; give another --out, or move it away")
+            raise DataError(
+                f"{path} exists already, and recordings stay; give another --out, or move it away"
+            )
         with file_errors(path, "write"):
             for camera in cameras:
                 (path / camera).mkdir(parents=True)

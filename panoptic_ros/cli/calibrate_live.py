@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from panoptic_ros.cli.options import names
+from panoptic_ros.cli.options import add_page_options, names, open_page
 from panoptic_ros.errors import UsageError
 from panoptic_ros.running.processes.shared_memory import prepare_shared_memory
 
@@ -26,11 +26,14 @@ def add_live_options(parser: argparse.ArgumentParser) -> None:
         "ends the recording, DIR/recording, and calibrates",
     )
     parser.add_argument(
-        "--cameras", metavar="NAME,NAME", help="with --live: use only these cameras; default: all that publish"
+        "--cameras",
+        metavar="NAME,NAME",
+        help="with --live: use only these cameras; default: all that publish",
     )
     parser.add_argument(
         "--topics", type=Path, metavar="FILE", help="with --live: topics of drivers, as of `panoptic run`"
     )
+    add_page_options(parser)
 
 
 def check_live_usage(args: argparse.Namespace) -> None:
@@ -64,15 +67,17 @@ def record_live(args: argparse.Namespace, out: Path, board: Board) -> str:
     from panoptic_ros.view.guide_table import GuideTable
 
     known = read_intrinsics(args.intrinsics) if args.intrinsics else None
-    options = LiveOptions(args.lens, known, args.synchronous, names(args.cameras) or (), args.topics)
+    chosen = names(args.cameras) or ()
+    options = LiveOptions(args.lens, known, args.synchronous, chosen, args.topics, args.host, args.port)
     with GuideTable() as table:
 
         def show(progress: LiveProgress) -> None:
-            table.show(
-                progress.state, progress.recorded, progress.rate_hz, progress.late, progress.notices
-            )
+            table.show(*progress)
 
-        folder = record_with_guide(out, board, options, show, _tell)
+        def ready(address: str) -> None:
+            open_page(address, not args.no_browser)
+
+        folder = record_with_guide(out, board, options, show, ready, _tell)
     _tell(f"recorded {folder}; `panoptic calibrate {folder} --board {args.board} --out DIR` reads it again")
     return str(folder)
 

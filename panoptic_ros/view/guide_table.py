@@ -54,7 +54,7 @@ def overall_line(state: GuideState) -> str:
 
 def recorded_line(recorded: Mapping[str, int], rate_hz: float, late: int) -> str:
     """Return the line about the recording: number of files by camera, rate (Hz) and missed searches."""
-    dropped = f", {late} left out because the computer is busy" if late else ""
+    dropped = f", {late} searches left out because the computer is busy" if late else ""
     return f"{sum(recorded.values())} images recorded; {rate_hz:.1f} searches/s{dropped}"
 
 
@@ -83,16 +83,16 @@ class GuideTable:
         self._live = Live(console=console, auto_refresh=False, redirect_stdout=False, redirect_stderr=False)
         self._told, self._told_s = "", float("-inf")
 
-    def show(
-        self, state: GuideState, recorded: Mapping[str, int], rate_hz: float, late: int, notices: Sequence[str]
-    ) -> None:
-        """Show the newest state."""
+    def show(self, state: GuideState, recorded: str, notices: Sequence[str]) -> None:
+        """Show the newest state; see `guide_lines`."""
         if self._is_terminal:
-            lines = guide_lines(state, recorded_line(recorded, rate_hz, late), notices)
+            lines = guide_lines(state, recorded, notices)
             self._live.update(Text("\n".join(lines), no_wrap=True, overflow="ellipsis"), refresh=True)
             return
         steps = [f"{camera.name}: {camera.advice}" for camera in state.cameras if camera.advice]
-        line = "; ".join([*steps, error_line(state), *([overall_line(state)] if state.enough else [])])
+        line = "; ".join(
+            [*steps, error_line(state), *notices, *([overall_line(state)] if state.enough else [])]
+        )
         now = time.monotonic()
         if line != self._told and now - self._told_s >= LINE_S:
             self._told, self._told_s = line, now

@@ -19,9 +19,7 @@ from panoptic_ros.stage import Notice
 KINDS = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 KEPT = 8  # newest messages of a camera: a quarter of a second at 30 Hz, so that cameras meet at one time
 SILENT_S = 2.0  # s without a message after which a camera holds up no others
-NEWEST_IMAGES = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST, depth=2, reliability=ReliabilityPolicy.RELIABLE
-)
+NEWEST_IMAGES = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=2, reliability=ReliabilityPolicy.RELIABLE)
 
 
 class ImageMessage(NamedTuple):
@@ -48,7 +46,7 @@ class ImagesNode(Node):
         self._lock = threading.Lock()
         self._kept: dict[str, deque[ImageMessage]] = {name: deque(maxlen=KEPT) for name in topics}
         self._taken = dict.fromkeys(topics, -1)  # stamp of the image taken last, ns
-        self._arrived = dict.fromkeys(topics, float("-inf"))  # s, monotonic
+        self._arrived = dict.fromkeys(topics, time.monotonic())  # s
         self.back = dict.fromkeys(topics, 0)  # messages by camera that are older than an earlier one
         self._subscribed = [
             NegotiatedSubscription(
@@ -59,6 +57,12 @@ class ImagesNode(Node):
 
     def close(self) -> None:
         """Do nothing: the node has no threads."""
+
+    def silent(self) -> dict[str, float]:
+        """Return the time, s, since the last message of each camera that is silent."""
+        now = time.monotonic()
+        with self._lock:
+            return {name: now - last for name, last in self._arrived.items() if now - last > SILENT_S}
 
     def take(self) -> dict[str, ImageMessage]:
         """Return one new image per camera, of nearly the same time; {} while a camera has no new one.

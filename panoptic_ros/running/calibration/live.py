@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,6 +23,11 @@ from panoptic_ros.running.calibration.calibrate import MODELS, input_of
 from panoptic_ros.running.calibration.live_cameras import LiveCamera, LiveCameras, find_cameras
 from panoptic_ros.running.calibration.live_images import LiveBoardSearch, SearchedImage, files_of
 from panoptic_ros.running.calibration.live_solver import LiveSolver
+from panoptic_ros.running.viewer.serving import served
+from panoptic_ros.view.guide_table import recorded_line
+from panoptic_ros.view.page.guide_scene import GuideScene
+from panoptic_ros.view.page.html import GUIDE, page
+from panoptic_ros.view.page.live_talk import LiveTalk
 
 RECORDING = "recording"  # folder of the images in the folder of the results
 PERIOD_S = 0.2  # s between two searches
@@ -38,13 +43,16 @@ class LiveOptions:
     Args:
         cameras: Names of the cameras; empty = all that publish images.
         topics: File of the topics of drivers, see `io.driver_topics`.
+        host, port: Address of the page; port 0 = any free one.
     """
 
     lens: str = "brown"
     known: Rig | None = None
     synchronous: bool = False
-    cameras: Sequence[str] = field(default=())
+    cameras: Sequence[str] = ()
     topics: Path | None = None
+    host: str = "127.0.0.1"
+    port: int = 0
 
 
 class LiveProgress(NamedTuple):
@@ -52,18 +60,12 @@ class LiveProgress(NamedTuple):
 
     Args:
         state: Of the guide.
-        images: Newest searched image by camera.
-        recorded: Number of files by camera.
-        rate_hz: Searches per second.
-        late: Periods without a search because the detector was busy.
+        recorded: Line about the recording.
         notices: Lines about faults.
     """
 
     state: GuideState
-    images: Mapping[str, SearchedImage]
-    recorded: Mapping[str, int]
-    rate_hz: float
-    late: int
+    recorded: str
     notices: Sequence[str]
 
 
@@ -72,14 +74,16 @@ def record_with_guide(
     board: Board,
     options: LiveOptions,
     show: Callable[[LiveProgress], None],
+    ready: Callable[[str], None],
     tell: Callable[[str], None],
 ) -> Path:
-    """Record until a request to end, and return the folder of the images.
+    """Record until a request to end, and return the folder of the images. A page shows the guide meanwhile.
 
     Images are kept if they show a board that has moved. `panoptic calibrate` reads the folder again.
 
     Args:
-        show: called after each search. tell: called with lines for the user.
+        show: called after each search. ready: called with the address of the page. tell: called with lines
+            for the user.
 
     Raises:
         UserError: if cameras or their images are missing, or the folder exists already.
@@ -97,16 +101,20 @@ def record_with_guide(
         if asked():
             raise KeyboardInterrupt
         inputs = [input_of(name, size, MODELS[options.lens], options.known) for name, size in sizes.items()]
-        recorder = ImageRecorder(path, tuple(found))
+        scene = GuideScene(sizes)
+        ready(stack.enter_context(served(LiveTalk(scene), options.host, options.port, page(None, GUIDE))))
+        session = _Session(inputs, board, ImageRecorder(path, tuple(found)))
         tell(f"recording {path}: show the board to all cameras; Ctrl-C ends it and calibrates")
-        session = _Session(inputs, board, recorder)
-        with LiveSolver(inputs, board, options.synchronous) as solver:
-            while not asked():
-                images = searcher.next(asked)
-                if images:
-                    session.add(images)
-                solver.update(session.guide)
-                show(session.progress(searcher))
+        solver = stack.enter_context(LiveSolver(inputs, board, options.synchronous))
+        while not asked():
+            images = searcher.next(asked)
+            for name, image in images.items():
+                scene.picture(name, image.preview, image.pixels)
+            session.add(images)
+            solver.update(session.guide)
+            progress = session.progress(searcher)
+            scene.tell(*progress)
+            show(progress)
     if not session.guide.views:
         raise CalibrationError(f"{path}: no image showed the board; check --board, light and focus")
     return path
@@ -136,7 +144,9 @@ class _Searcher:
     def notices(self) -> list[str]:
         """Return lines about messages and images that are left out."""
         lines = list(self._cameras.notices)
-        lines += [f"camera {name}: {count} messages have no usable image" for name, count in self.faults.items()]
+        lines += [
+            f"camera {name}: {count} messages have no usable image" for name, count in self.faults.items()
+        ]
         lines += [
             f"camera {name}: {search.repeated} images show two identical boards; cover one"
             for name, search in self._searches.items()
@@ -200,7 +210,6 @@ class _Session:
         self._recorder = recorder
         self._numbers = {camera.name: c for c, camera in enumerate(inputs)}
         self._sizes = {camera.name: camera.size for camera in inputs}
-        self._images: dict[str, SearchedImage] = {}
         self._changed: set[str] = set()  # cameras with images of another size
         self._apart_s = 0.0
         self._start_ns: int | None = None
@@ -209,7 +218,6 @@ class _Session:
         """Add the images of one time; keep those with a board if one has moved."""
         self._changed |= {name for name, image in images.items() if image.size != self._sizes[name]}
         images = {name: image for name, image in images.items() if name not in self._changed}
-        self._images |= images
         if not images:
             return
         stamps = [image.stamp_ns for image in images.values()]
@@ -235,11 +243,5 @@ class _Session:
             notices.append(
                 f"stamps of the cameras differ by {self._apart_s:.1f} s at one time; synchronise their hosts"
             )
-        return LiveProgress(
-            self.guide.state(),
-            dict(self._images),
-            self._recorder.counts,
-            searcher.rate_hz,
-            searcher.late,
-            notices,
-        )
+        recorded = recorded_line(self._recorder.counts, searcher.rate_hz, searcher.late)
+        return LiveProgress(self.guide.state(), recorded, notices)

@@ -20,6 +20,7 @@ from panoptic_ros.nodes.middleware.runtime import make_executor, start_ros
 from panoptic_ros.nodes.sources.drivers import find_drivers
 from panoptic_ros.running.plans.bag_topics import topics_by_camera
 from panoptic_ros.running.processes.children import prepare_environment
+from panoptic_ros.stage import Notice
 
 PATIENCE_S = 10.0  # s, timeout for the first image topic, and for all named cameras
 SETTLE_S = 2.0  # s after the last new topic until all cameras are known
@@ -60,7 +61,9 @@ def _of_file(path: Path) -> dict[str, LiveCamera]:
         if is_video(kind):
             raise DataError(f"image of camera {name}: {video_told(own.image, kind)}")
         if kind not in KINDS:
-            raise DataError(f"{own.image} (image of camera {name}) carries {kind}; expected {' or '.join(KINDS)}")
+            raise DataError(
+                f"{own.image} (image of camera {name}) carries {kind}; expected {' or '.join(KINDS)}"
+            )
     return {name: LiveCamera(own.image, types[own.image], own.encoding) for name, own in cameras.items()}
 
 
@@ -118,24 +121,29 @@ class LiveCameras:
         start_ros([])
         self._told: list[str] = []
         topics = {name: (camera.topic, camera.kind) for name, camera in cameras.items()}
-        self._node = ImagesNode(topics, lambda notice: self._told.append(notice.text))
+        self._node = ImagesNode(topics, self._hear)
         self._executor, self._over = make_executor(), threading.Event()
         self._executor.add_node(self._node)
         self._thread = threading.Thread(target=self._spin, daemon=True)
 
     @property
     def notices(self) -> list[str]:
-        """Return lines about topics that cannot be received, and about stamps that go back."""
-        back = {name: count for name, count in self._node.back.items() if count}
-        lines = [
+        """Return lines about topics that are not received, and about stamps that go back."""
+        lines = [f"camera {name}: no image for {s:.0f} s" for name, s in self._node.silent().items()]
+        lines += [
             f"camera {name}: {count} images are left out, because their stamps go back"
-            for name, count in back.items()
+            for name, count in self._node.back.items()
+            if count
         ]
         return [*self._told, *lines]
 
     def take(self) -> dict[str, ImageMessage]:
         """Return one new image per camera, see `ImagesNode.take`."""
         return self._node.take()
+
+    def _hear(self, notice: Notice) -> None:
+        if notice.severity == "warning":
+            self._told.append(notice.text)
 
     def _spin(self) -> None:
         while not self._over.is_set():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -82,9 +82,9 @@ class LiveBoardSearch:
         return SearchedImage(stamp_ns, size, found.numbers, found.pixels, preview, file)
 
 
-def _file_of(message: object, grey: Array, stamp_ns: int, is_mosaic: bool) -> RecordedImage:
+def _file_of(message: Any, grey: Array, stamp_ns: int, is_mosaic: bool) -> RecordedImage:
     """Return a JPEG message as it came, and any other image as a grey PNG, as the detector saw it."""
-    data = bytes(getattr(message, "data")) if hasattr(message, "format") else b""
+    data = bytes(message.data) if hasattr(message, "format") else b""
     stated = str(getattr(message, "format", "")).lower()
     if data.startswith(JPEG) and not is_mosaic and "bayer" not in stated:
         return RecordedImage(stamp_ns, ".jpg", data)

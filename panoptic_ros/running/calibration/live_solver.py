@@ -61,10 +61,11 @@ class LiveSolver:
         )
         placed = [replace(view, instant=int(instant)) for view, instant in zip(views, instants)]
         try:
-            rig = calibrate_rig(
-                self._cameras, placed, self._board.points, self._clocks, self._board.turns
-            )
-            return quality_of(rig), rig.state.cameras.lenses
+            with np.errstate(all="ignore"):  # few views may overflow
+                rig = calibrate_rig(
+                    self._cameras, placed, self._board.points, self._clocks, self._board.turns
+                )
+                return quality_of(rig), rig.state.cameras.lenses
         except CalibrationError as error:
             return str(error)
         except (np.linalg.LinAlgError, cv2.error):  # few views can be degenerate in any step
