@@ -26,8 +26,8 @@ from panoptic_ros.calibration.target_poses import intrinsics_of, poses_of
 from panoptic_ros.calibration.target_views import TargetView
 
 Array = np.ndarray
-# mean motion of the corners over their extent in the image, below which a view repeats the last one. A board
-# of 400 px that is slower than this per `LONGEST_STEP_S` moves by 0.3 px in the 10 ms by which cameras differ.
+# mean motion of the corners over their extent in the image, below which a view repeats the last one. With
+# less motion per `LONGEST_STEP_S`, a board of 400 px moves by 0.3 px in the 10 ms by which cameras differ.
 MOVED = 0.03
 TOGETHER_S = 0.1  # s, longest time between two views that link their cameras: half the period of the search
 FEWEST_LINKS = 3  # instants that link two cameras: fewer have no majority for the medoid of relative poses
@@ -187,13 +187,14 @@ class CalibrationGuide:
 
     def _linked(self) -> frozenset[int]:
         """Return the largest group of cameras that are linked; the first of equally large ones."""
-        groups = [{c} for c in range(len(self._cameras))]
+        groups: list[set[int]] = [{c} for c in range(len(self._cameras))]
         for (a, b), count in self._links.items():
             if count >= FEWEST_LINKS and groups[a] is not groups[b]:
                 groups[a] |= groups[b]
                 for c in groups[b]:
                     groups[c] = groups[a]
-        return frozenset(max(groups, key=len))
+        sizes = [len(group) for group in groups]
+        return frozenset(groups[sizes.index(max(sizes))])
 
     def _guide(self, number: int, linked: frozenset[int]) -> CameraGuide:
         own = [k for k, view in enumerate(self._views) if view.camera == number]

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from panoptic_ros.cli.options import add_page_options, names, open_page
 from panoptic_ros.errors import UsageError
 from panoptic_ros.running.processes.shared_memory import prepare_shared_memory
-
-if TYPE_CHECKING:
-    from panoptic_ros.calibration.boards import Board
 
 NOT_LIVE = ("people", "pattern", "floor", "depth_sensor")
 LIVE_ONLY = ("topics", "cameras")
@@ -59,7 +56,7 @@ def check_live_usage(args: argparse.Namespace) -> None:
         raise UsageError("--topics names the cameras; leave --cameras out")
 
 
-def record_live(args: argparse.Namespace, out: Path, board: Board) -> str:
+def record_live(args: argparse.Namespace, out: Path, board: Any) -> str:
     """Record until Ctrl-C; return the folder of the recording."""
     prepare_shared_memory()  # before the import of ROS, which terminates if shared memory is full
     from panoptic_ros.io.rigs.intrinsics import read_intrinsics
@@ -69,18 +66,18 @@ def record_live(args: argparse.Namespace, out: Path, board: Board) -> str:
     known = read_intrinsics(args.intrinsics) if args.intrinsics else None
     chosen = names(args.cameras) or ()
     options = LiveOptions(args.lens, known, args.synchronous, chosen, args.topics, args.host, args.port)
-    with GuideTable() as table:
+    table = GuideTable()
 
-        def show(progress: LiveProgress) -> None:
-            table.show(*progress)
+    def show(progress: LiveProgress) -> None:
+        table.show(*progress)
 
-        def ready(address: str) -> None:
-            open_page(address, not args.no_browser)
+    def ready(address: str) -> None:
+        open_page(address, not args.no_browser)
 
-        folder = record_with_guide(out, board, options, show, ready, _tell)
+    folder = record_with_guide(out, board, options, show, ready, _tell)
     _tell(f"recorded {folder}; `panoptic calibrate {folder} --board {args.board} --out DIR` reads it again")
     return str(folder)
 
 
-def _tell(line: str) -> Any:
+def _tell(line: str) -> None:
     print(line, flush=True)

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 import time
 from collections.abc import Mapping, Sequence
 
-from rich.console import Console
-from rich.live import Live
-from rich.text import Text
-
 from panoptic_ros.calibration.guide import CameraGuide, GuideState
 from panoptic_ros.calibration.quality import GOOD_ERROR_M, GOOD_VIEWS
 from panoptic_ros.view.calibration_report import text_table
+from panoptic_ros.view.redrawn import RedrawnLines
 
 HEAD = ("camera", "views", "image", "tilted", "distance m", "linked", "next step")
 LINE_S = 5.0  # s between plain lines when the stream is not a terminal
@@ -72,36 +70,25 @@ def _row(camera: CameraGuide) -> tuple[str, ...]:
 
 
 class GuideTable:
-    """Table of the guide, redrawn in place in a terminal; else a plain line whenever an advice changes.
-
-    A context manager, which leaves the last table on the screen.
-    """
+    """Table of the guide, redrawn in place in a terminal; else a plain line whenever an advice changes."""
 
     def __init__(self) -> None:
         self._is_terminal = sys.stdout.isatty()
-        console = Console(highlight=False)
-        self._live = Live(console=console, auto_refresh=False, redirect_stdout=False, redirect_stderr=False)
+        self._redrawn = RedrawnLines(sys.stdout)
         self._told, self._told_s = "", float("-inf")
 
     def show(self, state: GuideState, recorded: str, notices: Sequence[str]) -> None:
         """Show the newest state; see `guide_lines`."""
+        now = time.monotonic()
         if self._is_terminal:
+            width, height = shutil.get_terminal_size()
             lines = guide_lines(state, recorded, notices)
-            self._live.update(Text("\n".join(lines), no_wrap=True, overflow="ellipsis"), refresh=True)
+            self._redrawn.draw([line[:width] for line in lines[: height - 1]])
             return
         steps = [f"{camera.name}: {camera.advice}" for camera in state.cameras if camera.advice]
         line = "; ".join(
             [*steps, error_line(state), *notices, *([overall_line(state)] if state.enough else [])]
         )
-        now = time.monotonic()
         if line != self._told and now - self._told_s >= LINE_S:
             self._told, self._told_s = line, now
             print(line, flush=True)
-
-    def __enter__(self) -> GuideTable:
-        if self._is_terminal:
-            self._live.start()
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self._live.stop()

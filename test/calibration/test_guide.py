@@ -21,7 +21,7 @@ MIDDLE = BOARD.points.mean(axis=0)
 
 
 def guide_of(known=False):
-    """A guide of the cameras, with their lenses if they are known."""
+    """Return a guide of the cameras, with their lenses if they are known."""
     inputs = []
     for camera in RIG.cameras:
         lens = np.zeros(12)
@@ -31,7 +31,7 @@ def guide_of(known=False):
 
 
 def view_of(camera, pose, time_s=0.0, noise=None):
-    """What a camera sees of the board, None outside of its image."""
+    """Return the view of a camera; None if fewer than four corners are in its image."""
     model = RIG.cameras[camera]
     world = pose.apply(BOARD.points - MIDDLE)
     pixels, front = model.intrinsics.project(model.cam_from_world.apply(world))
@@ -48,7 +48,7 @@ def views_of(pose, time_s=0.0, cameras=(0, 1, 2), noise=None):
 
 
 def before(camera, x=0.0, y=0.0, away=1.5, tilt_deg=0.0):
-    """The pose of a board before a camera, at a place of its image, tilted about the vertical of the image."""
+    """Return the pose of a board before a camera, tilted about the vertical of its image."""
     turn = rotations_of(np.array([[0.0, np.radians(tilt_deg), 0.0]]))[0]
     in_camera = Rigid(turn, np.array([x, y, away]))
     return RIG.cameras[camera].cam_from_world.inverse().compose(in_camera)

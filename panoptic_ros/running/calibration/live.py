@@ -20,7 +20,7 @@ from panoptic_ros.domain import Rig
 from panoptic_ros.errors import CalibrationError, EnvironmentProblem
 from panoptic_ros.io.interruption import first_request_told, requests_held
 from panoptic_ros.running.calibration.calibrate import MODELS, input_of
-from panoptic_ros.running.calibration.live_cameras import LiveCamera, LiveCameras, find_cameras
+from panoptic_ros.running.calibration.live_cameras import ImageTopic, LiveCameras, find_cameras
 from panoptic_ros.running.calibration.live_images import LiveBoardSearch, SearchedImage, files_of
 from panoptic_ros.running.calibration.live_solver import LiveSolver
 from panoptic_ros.running.viewer.serving import served
@@ -41,7 +41,7 @@ class LiveOptions:
     """Options of a live calibration; see `calibrate_recording`.
 
     Args:
-        cameras: Names of the cameras; empty = all that publish images.
+        cameras: Names of the cameras; empty = every camera with images.
         topics: File of the topics of drivers, see `io.driver_topics`.
         host, port: Address of the page; port 0 = any free one.
     """
@@ -59,7 +59,7 @@ class LiveProgress(NamedTuple):
     """Progress of a live recording.
 
     Args:
-        state: Of the guide.
+        state: State of the guide.
         recorded: Line about the recording.
         notices: Lines about faults.
     """
@@ -180,7 +180,7 @@ class _Searcher:
 
 
 def _first_sizes(
-    cameras: Mapping[str, LiveCamera], searcher: _Searcher, stop: Callable[[], bool]
+    cameras: Mapping[str, ImageTopic], searcher: _Searcher, stop: Callable[[], bool]
 ) -> dict[str, tuple[int, int]]:
     """Return the size (width, height) px of the images of each camera.
 

@@ -29,7 +29,7 @@ RAW = "image"  # begin of the last word of topics of images as drivers name them
 RECTIFIED = "_rect"  # marks images without distortion, which are not calibrated
 
 
-class LiveCamera(NamedTuple):
+class ImageTopic(NamedTuple):
     """Topic of a camera: name, message type, and the encoding that overrides that of its images."""
 
     topic: str
@@ -39,7 +39,7 @@ class LiveCamera(NamedTuple):
 
 def find_cameras(
     names: Sequence[str], topics: Path | None, tell: Callable[[str], None]
-) -> dict[str, LiveCamera]:
+) -> dict[str, ImageTopic]:
     """Return the live cameras by name: those of a file of topics, those named, or all.
 
     Raises:
@@ -51,7 +51,7 @@ def find_cameras(
     return found
 
 
-def _of_file(path: Path) -> dict[str, LiveCamera]:
+def _of_file(path: Path) -> dict[str, ImageTopic]:
     cameras = read_driver_topics(path).cameras
     if not cameras:
         raise DataError(f"{path} names no topic of images; give an 'image' of each camera")
@@ -64,10 +64,10 @@ def _of_file(path: Path) -> dict[str, LiveCamera]:
             raise DataError(
                 f"{own.image} (image of camera {name}) carries {kind}; expected {' or '.join(KINDS)}"
             )
-    return {name: LiveCamera(own.image, types[own.image], own.encoding) for name, own in cameras.items()}
+    return {name: ImageTopic(own.image, types[own.image], own.encoding) for name, own in cameras.items()}
 
 
-def _published(names: Sequence[str]) -> dict[str, LiveCamera]:
+def _published(names: Sequence[str]) -> dict[str, ImageTopic]:
     """Return the cameras that publish images now; wait for those that are named."""
     context = rclpy.context.Context()
     start_ros([], context)
@@ -75,7 +75,7 @@ def _published(names: Sequence[str]) -> dict[str, LiveCamera]:
         "panoptic_cameras", context=context, enable_rosout=False, start_parameter_services=False
     )
     begin = newest = time.monotonic()
-    found: dict[str, LiveCamera] = {}
+    found: dict[str, ImageTopic] = {}
     try:
         while True:
             before, found = len(found), _now(node)
@@ -93,17 +93,17 @@ def _published(names: Sequence[str]) -> dict[str, LiveCamera]:
         context.try_shutdown()
 
 
-def _now(node: Any) -> dict[str, LiveCamera]:
+def _now(node: Any) -> dict[str, ImageTopic]:
     kinds = {}
     for topic, types in node.get_topic_names_and_types():
         word = topic.removesuffix("/compressed").rsplit("/", 1)[-1]
         if word.startswith(RAW) and RECTIFIED not in word and node.count_publishers(topic):
             kinds[topic] = types[0]
     found = topics_by_camera(kinds, "the live graph")
-    return {name: LiveCamera(topic, TOPICS[key].message) for name, (topic, key) in found.items()}
+    return {name: ImageTopic(topic, TOPICS[key].message) for name, (topic, key) in found.items()}
 
 
-def _missing(names: Sequence[str], found: Mapping[str, LiveCamera]) -> str:
+def _missing(names: Sequence[str], found: Mapping[str, ImageTopic]) -> str:
     lacking = [name for name in names if name not in found]
     if found:
         there = ", ".join(f"{name} ({camera.topic})" for name, camera in found.items())
@@ -117,7 +117,7 @@ def _missing(names: Sequence[str], found: Mapping[str, LiveCamera]) -> str:
 class LiveCameras:
     """Subscriber of image topics, which receives in its own thread. A context manager."""
 
-    def __init__(self, cameras: Mapping[str, LiveCamera]):
+    def __init__(self, cameras: Mapping[str, ImageTopic]):
         start_ros([])
         self._told: list[str] = []
         topics = {name: (camera.topic, camera.kind) for name, camera in cameras.items()}

@@ -95,7 +95,7 @@ class GuideScene:
 def packed_picture(jpeg: bytes, pixels: Array, size: tuple[int, int]) -> bytes:
     """Return the bytes of a picture for a page: uint32 K, K times (x, y) uint16, then the JPEG."""
     shares = np.clip(np.round((pixels + 0.5) / np.array(size) * FINE), 0, FINE).astype("<u2")
-    return struct.pack("<I", len(pixels)) + shares.tobytes() + jpeg
+    return struct.pack("<I", len(pixels)) + bytes(shares.tobytes()) + jpeg
 
 
 def guide_document(state: GuideState, recorded: str, notices: Sequence[str]) -> dict[str, Any]:

@@ -64,7 +64,7 @@ class FakeCameras:
 
 
 def pictures():
-    """Both images of a board that is elsewhere each time, without end."""
+    """Yield the images of both cameras, of a board in another place each time, without end."""
     board = parse_board(BOARD)
     printed = artwork(board)
     made = [
