@@ -89,7 +89,7 @@ def test_a_library_that_fails_gives_the_reason(monkeypatch, tmp_path, code, reas
 
 def test_a_library_that_is_not_installed_is_named(monkeypatch, tmp_path):
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    for name in peer_child.LIBRARIES:
+    for name in peer_child.BOARD:
         (tmp_path / f"{name}.py").write_text(f"raise ModuleNotFoundError('no {name}')")
     session = simulate_board(BoardScene(2, 3), BOARD.points, 0)
     for one in attempts(problem_of(session), sys.executable):
