@@ -14,7 +14,7 @@ import numpy as np
 from panoptic_ros.calibration.projection import OFFSET, POSE
 from panoptic_ros.calibration.quality import space_of
 from panoptic_ros.domain import Rig
-from panoptic_ros.errors import CalibrationError
+from panoptic_ros.errors import CalibrationError, UsageError
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.geometry.rotations import vectors_of
 from panoptic_ros.io.plain_formats import write_skeletons
@@ -91,6 +91,8 @@ class CalibrationPeople(Study):
     def cases(self) -> list[Case]:
         """See `Study`."""
         if self.options.capture:
+            if self.options.peers:
+                raise UsageError("libraries need the true association of people; omit --peers or --capture")
             return [Case(str(self.options.capture), None, 60.0)]
         return [
             Case(f"{name}, seed {seed}", (name, seed), CASES[name].seconds * len(CASES[name].activities))
