@@ -112,8 +112,8 @@ class CalibrationErrors:
 def _fill_covariances(points, used, rotations, translations, focals, corners, sizes, tables, found):
     """Write the covariances of `CalibrationErrors.covariances` to `found` (N, 3, 3), which is 0 beforehand.
 
-    With the slopes A (2, 3) of a view's plane by the point, in units of its noise, and the covariance E of the
-    plane, a point has the covariance (sum A'A)^-1 (sum A'EA) (sum A'A)^-1.
+    A (2, 3) are the slopes of a view's plane by the point, in units of its noise. E is the covariance of the
+    plane. The covariance of a point is (sum A'A)^-1 (sum A'EA) (sum A'A)^-1.
     """
     count = len(focals)
     cells, inverse, plane = np.empty((count, 2), np.int64), np.empty(count), np.empty((count, 2))

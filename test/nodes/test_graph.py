@@ -123,7 +123,7 @@ def test_a_repaired_rig_gives_the_same_bytes_in_one_process_and_in_the_graph(tmp
 
 
 def test_the_covariance_of_a_calibration_reaches_one_process_and_the_graph(tmp_path):
-    """The same bytes with and without ROS, with covariances that contain the calibration's."""
+    """Joint covariances contain the calibration's, and have the same bytes with and without ROS."""
     root = np.diag([*3 * (6e-4,), *3 * (2e-3,), *4 * (0.8,), *5 * (1e-3,)])  # rad, m, px, distortion
     root[3:6, :3] = 1e-3  # translations follow rotations
     doubtful = Rig(tuple(replace(one, covariance=root @ root.T) for one in captures.RIG.cameras))
