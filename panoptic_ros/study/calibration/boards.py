@@ -51,6 +51,7 @@ CASES = {
     "4x200": BoardCase(BoardScene(4, 200)),
     "8x60": BoardCase(BoardScene(8, 60)),
     "8x200": BoardCase(BoardScene(8, 200)),
+    "31x300": BoardCase(BoardScene(31, 300)),
     "outliers": BoardCase(BoardScene(4, 100, outliers=0.01)),
     "fisheye": BoardCase(BoardScene(4, 100, lens="fisheye")),
     "wand-2": BoardCase(BoardScene(4, 500, all_round=True), wand=parse_wand("wand:500mm")),
