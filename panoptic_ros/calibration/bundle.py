@@ -10,7 +10,7 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.linalg.lapack import dpotri
 
 from panoptic_ros.calibration.normal_equations import cost_of, linearise, moved, reduce_to_cameras, residuals
-from panoptic_ros.calibration.projection import CAMERA, LENS, OFFSET, POSE
+from panoptic_ros.calibration.projection import CAMERA, OFFSET, POSE
 
 Array = np.ndarray
 DAMPING = 1e-4  # first relative damping of the diagonal
@@ -168,7 +168,6 @@ def _system(seen: Observations, state: Adjustment, scale: float, damping: float)
         state.targets.translations,
         state.shifts,
         cameras.jitter,
-        (cameras.free[:, POSE:OFFSET] * np.arange(1, LENS + 1)).max(axis=1),
         scale,
     )
     own[:, POSE:OFFSET, POSE:OFFSET] += cameras.prior_information

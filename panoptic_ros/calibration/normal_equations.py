@@ -128,42 +128,11 @@ def twists_of(seen, speeds, lenses, fisheye, rotations, translations, turns, mov
 
 
 @_jit
-def _steps_of(rotation, change, moved_to, twist, out):
-    """Write the motion of a target in a camera, about the target's origin, for unit steps of each unknown.
-
-    Args:
-        rotation: (3, 3) camera from world. change: (3, 3) rotation of the target since its instant.
-        moved_to: (3,) m, target in the world. twist: (6,) rad/s and m/s, motion of the target.
-        out: (VIEW, 6) output, rotation and translation in the frame of the camera; 0 for terms of the lens.
-    """
-    x, y, z = _rotated(rotation, moved_to)
-    turn = rotation @ change
-    out[:] = 0.0
-    for k in range(POSE):
-        out[k, k] = 1.0
-    out[0, 4], out[0, 5] = -z, y  # a turn of the camera also moves the target
-    out[1, 3], out[1, 5] = z, -x
-    out[2, 3], out[2, 4] = -y, x
-    for i in range(3):
-        for k in range(3):
-            out[OFFSET, i] += rotation[i, k] * twist[k]
-            out[OFFSET, 3 + i] += rotation[i, k] * twist[3 + k]
-            out[CAMERA + k, i] = turn[i, k]
-            out[CAMERA + 3 + k, 3 + i] = rotation[i, k]
-
-
-@_jit
-def linearise(
-    seen, lenses, fisheye, rotations, translations, offsets, turns, moves, shifts, jitter, terms, scale
-):
+def linearise(seen, lenses, fisheye, rotations, translations, offsets, turns, moves, shifts, jitter, scale):
     """Return the normal equations of all views, with the shift of each view eliminated.
-
-    Points are summed by the pose of the target in the camera, and by the lens. All other unknowns move that
-    pose linearly, see `_steps_of`.
 
     Args:
         jitter: (C,) s, standard deviation of the shifts of a camera; 0 = views have no shift.
-        terms: (C,) number of entries of each lens up to the last free one.
         scale: scale of the Cauchy weights, in standard deviations.
 
     Returns:
@@ -177,47 +146,65 @@ def linearise(
     cross = np.zeros((views, CAMERA, POSE))
     target, target_right = np.zeros((blocks, POSE, POSE)), np.zeros((blocks, POSE))
     shift = np.zeros((views, VIEW + 2))
-    pixel, row, by_point = np.empty(2), np.empty((2, OFFSET)), np.empty((2, 3))
+    pixel, by_camera, by_point = np.empty(2), np.empty((2, OFFSET)), np.empty((2, 3))
     change, turned, moved_to = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-    summed, summed_right = np.empty((OFFSET, OFFSET)), np.empty(OFFSET)
-    steps = np.zeros((VIEW, OFFSET))
-    for k in range(POSE, OFFSET):
-        steps[k, k] = 1.0
+    row = np.empty((2, VIEW))
+    square, right = np.empty((VIEW, VIEW)), np.empty(VIEW)
     for v in range(views):
         c, b = seen.cameras[v], seen.targets[v]
-        late, size = seen.delays[v] + offsets[c] + shifts[v], POSE + terms[c]
-        _move_on(turns[b], moves[b], seen.twists[b], late, change, turned, moved_to)
-        _steps_of(rotations[c], change, moved_to, seen.twists[b], steps[:, :POSE])
-        facing, centre = rotations[c] @ turned, rotations[c] @ moved_to + translations[c]
-        summed[:], summed_right[:] = 0.0, 0.0
+        late, twist = seen.delays[v] + offsets[c] + shifts[v], seen.twists[b]
+        _move_on(turns[b], moves[b], twist, late, change, turned, moved_to)
+        square[:], right[:] = 0.0, 0.0
+        side, weight_of_shift, right_of_shift = shift[v, :VIEW], 0.0, 0.0
         for m in range(seen.starts[v], seen.starts[v + 1]):
-            x, y, z = seen.points[m]
-            if not derivatives(lenses[c], fisheye[c], facing, centre, x, y, z, pixel, row, by_point):
+            dx, dy, dz = _rotated(turns[b], seen.points[m])
+            ex, ey, ez = _rotated(turned, seen.points[m])
+            x, y, z = ex + moved_to[0], ey + moved_to[1], ez + moved_to[2]
+            if not derivatives(
+                lenses[c], fisheye[c], rotations[c], translations[c], x, y, z, pixel, by_camera, by_point
+            ):
                 continue
             rx, ry = pixel[0] - seen.pixels[m, 0], pixel[1] - seen.pixels[m, 1]
             weight = 1.0 / (seen.variances[m] * _growth((rx * rx + ry * ry) / seen.variances[m], scale))
-            for p in range(size):
+            vx = twist[1] * ez - twist[2] * ey + twist[3]
+            vy = twist[2] * ex - twist[0] * ez + twist[4]
+            vz = twist[0] * ey - twist[1] * ex + twist[5]
+            for i in range(2):
+                row[i, :OFFSET] = by_camera[i]
+                row[i, OFFSET] = by_point[i, 0] * vx + by_point[i, 1] * vy + by_point[i, 2] * vz
+                _by_target(by_point[i], change, dx, dy, dz, row[i], CAMERA)
+            sx, sy = row[0, OFFSET], row[1, OFFSET]
+            for p in range(VIEW):
                 wx, wy = weight * row[0, p], weight * row[1, p]
-                summed_right[p] -= wx * rx + wy * ry
+                right[p] -= wx * rx + wy * ry
+                side[p] += wx * sx + wy * sy
                 for q in range(p + 1):
-                    summed[p, q] += wx * row[0, q] + wy * row[1, q]
-        for p in range(size):
-            for q in range(p):
-                summed[q, p] = summed[p, q]
-        square, right = steps @ summed @ steps.T, steps @ summed_right
+                    square[p, q] += wx * row[0, q] + wy * row[1, q]
+            weight_of_shift += weight * (sx * sx + sy * sy)
+            right_of_shift -= weight * (sx * rx + sy * ry)
         if jitter[c] > 0.0:
-            side = square[OFFSET].copy()
             own_weight = 1.0 / (jitter[c] * jitter[c])
-            weight_of_shift = side[OFFSET] + own_weight
-            right_of_shift = right[OFFSET] - own_weight * shifts[v]
-            right -= side * (right_of_shift / weight_of_shift)
-            square -= np.outer(side, side / weight_of_shift)
-            shift[v, :VIEW], shift[v, VIEW], shift[v, VIEW + 1] = side, weight_of_shift, right_of_shift
-        own[c] += square[:CAMERA, :CAMERA]
-        own_right[c] += right[:CAMERA]
-        cross[v] = square[:CAMERA, CAMERA:]
-        target[b] += square[CAMERA:, CAMERA:]
-        target_right[b] += right[CAMERA:]
+            weight_of_shift += own_weight
+            right_of_shift -= own_weight * shifts[v]
+            for p in range(VIEW):
+                right[p] -= side[p] * right_of_shift / weight_of_shift
+                for q in range(p + 1):
+                    square[p, q] -= side[p] * side[q] / weight_of_shift
+            shift[v, VIEW], shift[v, VIEW + 1] = weight_of_shift, right_of_shift
+        for p in range(CAMERA):
+            own_right[c, p] += right[p]
+            for q in range(p + 1):
+                own[c, p, q] += square[p, q]
+                if q < p:
+                    own[c, q, p] += square[p, q]
+            for q in range(POSE):
+                cross[v, p, q] = square[CAMERA + q, p]
+        for p in range(POSE):
+            target_right[b, p] += right[CAMERA + p]
+            for q in range(p + 1):
+                target[b, p, q] += square[CAMERA + p, CAMERA + q]
+                if q < p:
+                    target[b, q, p] += square[CAMERA + p, CAMERA + q]
     return own, own_right, cross, target, target_right, shift
 
 
