@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,22 +28,19 @@ class ImageRecorder:
     never a broken file.
 
     Args:
-        path: Folder to make.
+        path: Folder; the first images make it.
 
     Raises:
         DataError: if it exists already, because recordings are never overwritten.
     """
 
-    def __init__(self, path: Path, cameras: Sequence[str]):
+    def __init__(self, path: Path):
         self.path = path
         if os.path.lexists(path):
             raise DataError(
                 f"{path} exists already, and recordings stay; give another --out, or move it away"
             )
-        with file_errors(path, "write"):
-            for camera in cameras:
-                (path / camera).mkdir(parents=True)
-        self._counts = dict.fromkeys(cameras, 0)
+        self._counts: Counter[str] = Counter()
         self._rows = [",".join(OWN)]
 
     @property
@@ -63,6 +61,7 @@ class ImageRecorder:
                 for camera, image in images.items():
                     number = self._counts[camera]
                     place = self.path / camera / f"{number:06d}{image.suffix}"
+                    place.parent.mkdir(parents=True, exist_ok=True)
                     hidden.append((place.with_name(f".{place.name}"), place))
                     hidden[-1][0].write_bytes(image.data)
                     rows.append(f"{camera},{number},{image.stamp_ns}")

@@ -15,7 +15,7 @@ def image_of(stamp_ns, grey):
 
 
 def test_images_are_read_again_with_their_stamps(tmp_path):
-    recorder = ImageRecorder(tmp_path / "r", ("left", "right"))
+    recorder = ImageRecorder(tmp_path / "r")
     recorder.add({"left": image_of(5, 10), "right": image_of(6, 20)})
     recorder.add({"right": image_of(100, 30)})
     assert recorder.counts == {"left": 1, "right": 2}
@@ -28,17 +28,21 @@ def test_images_are_read_again_with_their_stamps(tmp_path):
 
 
 def test_a_recording_is_never_overwritten(tmp_path):
-    ImageRecorder(tmp_path / "r", ("left",))
+    recorder = ImageRecorder(tmp_path / "r")
+    assert not (tmp_path / "r").exists()
+    recorder.add({"left": image_of(5, 10)})
     with pytest.raises(DataError, match="exists already"):
-        ImageRecorder(tmp_path / "r", ("left",))
+        ImageRecorder(tmp_path / "r")
 
 
 def test_images_that_cannot_all_be_written_leave_nothing(tmp_path):
-    recorder = ImageRecorder(tmp_path / "r", ("left", "right"))
+    recorder = ImageRecorder(tmp_path / "r")
     recorder.add({"left": image_of(5, 10), "right": image_of(6, 20)})
     (tmp_path / "r" / "right").rename(tmp_path / "away")
+    (tmp_path / "r" / "right").write_text("no folder")
     with pytest.raises((DataError, EnvironmentProblem)):
         recorder.add({"left": image_of(50, 10), "right": image_of(60, 20)})
+    (tmp_path / "r" / "right").unlink()
     (tmp_path / "away").rename(tmp_path / "r" / "right")
     files = sorted(path.name for path in (tmp_path / "r").rglob("*") if path.is_file())
     assert files == ["000000.png", "000000.png", "timestamps.csv"]

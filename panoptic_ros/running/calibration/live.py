@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -23,6 +22,7 @@ from panoptic_ros.running.calibration.calibrate import MODELS, input_of
 from panoptic_ros.running.calibration.live_cameras import ImageTopic, LiveCameras, find_cameras
 from panoptic_ros.running.calibration.live_images import LiveBoardSearch, SearchedImage, files_of
 from panoptic_ros.running.calibration.live_solver import LiveSolver
+from panoptic_ros.running.plans.free_threads import free_threads
 from panoptic_ros.running.viewer.serving import served
 from panoptic_ros.view.guide_table import recorded_line
 from panoptic_ros.view.page.guide_scene import GuideScene
@@ -89,12 +89,11 @@ def record_with_guide(
         UserError: if cameras or their images are missing, or the folder exists already.
     """
     path = out / RECORDING
-    if os.path.lexists(path):
-        ImageRecorder(path, ())  # raises an error, before the search for cameras
+    recorder = ImageRecorder(path)
     with first_request_told() as asked, ExitStack() as stack:
         found = find_cameras(options.cameras, options.topics, tell)
         cameras = stack.enter_context(LiveCameras(found))
-        pool = stack.enter_context(ThreadPoolExecutor(max(1, min(len(found), _cores() - 1))))
+        pool = stack.enter_context(ThreadPoolExecutor(max(1, free_threads(1) - 1)))
         searches = [LiveBoardSearch(name, board, camera.encoding) for name, camera in found.items()]
         searcher = _Searcher(cameras, dict(zip(found, searches)), pool)
         sizes = _first_sizes(found, searcher, asked)
@@ -103,7 +102,7 @@ def record_with_guide(
         inputs = [input_of(name, size, MODELS[options.lens], options.known) for name, size in sizes.items()]
         scene = GuideScene(sizes)
         ready(stack.enter_context(served(LiveTalk(scene), options.host, options.port, page(None, GUIDE))))
-        session = _Session(inputs, board, ImageRecorder(path, tuple(found)))
+        session = _Session(inputs, board, recorder)
         tell(f"recording {path}: show the board to all cameras; Ctrl-C ends it and calibrates")
         solver = stack.enter_context(LiveSolver(inputs, board, options.synchronous))
         while not asked():
@@ -115,13 +114,12 @@ def record_with_guide(
             progress = session.progress(searcher)
             scene.tell(*progress)
             show(progress)
-    if not session.guide.views:
-        raise CalibrationError(f"{path}: no image showed the board; check --board, light and focus")
+    seen = {inputs[view.camera].name for view in session.guide.views}
+    if not seen:
+        raise CalibrationError("no image showed the board; check --board, light and focus")
+    for name in sizes.keys() - seen:
+        tell(f"warning: camera {name} is left out, because no image of it showed the board")
     return path
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class _Searcher:

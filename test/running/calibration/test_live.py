@@ -89,7 +89,8 @@ def test_a_board_before_live_cameras_gives_a_rig(tmp_path):
         said = ""
         for line in program.stdout:
             said += line
-            if "predicted error" in line:
+            predicted = re.search(r"predicted error .*: ([\d.]+) mm", line)
+            if predicted and float(predicted[1]) < 5.0:
                 break
         program.send_signal(signal.SIGINT)
         said += program.communicate(timeout=60)[0]
@@ -130,6 +131,15 @@ def test_cameras_that_are_not_there_are_named(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(live_cameras, "PATIENCE_S", 1.0)
     assert main(["calibrate", "--live", "--cameras", "no_such", "--out", str(tmp_path / "o")]) == 2
     assert "no camera publishes images within 1 s" in capsys.readouterr().err
+
+
+def test_topics_without_images_are_named(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(live, "PATIENCE_S", 1.0)
+    with FakeCameras(iter([])):
+        assert main(["calibrate", "--live", "--cameras", "cam0,cam1", "--out", str(tmp_path / "o")]) == 2
+    told = capsys.readouterr().err
+    assert "no image of camera cam0 came on /cam0/image_raw within 1 s" in told and told.count("\n") == 1
+    assert not (tmp_path / "o").exists()
 
 
 def test_a_recording_is_not_overwritten(tmp_path, capsys):
