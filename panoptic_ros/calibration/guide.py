@@ -20,6 +20,7 @@ from panoptic_ros.calibration.quality import (
     CameraQuality,
     Quality,
     covered_cells,
+    refusals,
 )
 from panoptic_ros.calibration.rig_start import FEWEST_VIEWS, CameraInput
 from panoptic_ros.calibration.target_poses import intrinsics_of, poses_of
@@ -73,6 +74,7 @@ class GuideState(NamedTuple):
         error_m: Predicted error, m, in the space of the board; None = not solvable.
         unsolved: Reason without a predicted error.
         advice: Next step for all cameras; "" = see the cameras.
+        usable: Whether the recording gives a calibration that is not refused.
         enough: Whether the recording gives a good calibration.
     """
 
@@ -81,6 +83,7 @@ class GuideState(NamedTuple):
     error_m: float | None
     unsolved: str
     advice: str
+    usable: bool
     enough: bool
 
 
@@ -160,6 +163,7 @@ class CalibrationGuide:
             error,
             self._unsolved,
             "" if busy or precise or error is None else "show the board in more places, near each camera too",
+            self._quality is not None and not refusals(self._quality),
             precise and not busy,
         )
 

@@ -15,6 +15,8 @@ from panoptic_ros.view.redrawn import RedrawnLines
 HEAD = ("camera", "views", "image", "tilted", "distance m", "linked", "next step")
 LINE_S = 5.0  # s between plain lines when the stream is not a terminal
 ENOUGH = "enough: Ctrl-C ends the recording and calibrates"
+USABLE = "usable, but not enough; Ctrl-C ends the recording and calibrates"
+NOT_USABLE = "not usable yet: go on, camera by camera"
 
 
 def guide_lines(state: GuideState, recorded: str, notices: Sequence[str]) -> list[str]:
@@ -47,7 +49,9 @@ def error_line(state: GuideState) -> str:
 
 def overall_line(state: GuideState) -> str:
     """Return the line with the next step for all cameras."""
-    return ENOUGH if state.enough else state.advice or "not enough yet; Ctrl-C ends the recording anyway"
+    if state.enough:
+        return ENOUGH
+    return state.advice or (USABLE if state.usable else NOT_USABLE)
 
 
 def recorded_line(recorded: Mapping[str, int], rate_hz: float, late: int) -> str:

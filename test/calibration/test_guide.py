@@ -61,7 +61,7 @@ def advice(guide, camera=0):
 def test_without_a_board_every_camera_asks_for_it():
     state = guide_of().state()
     assert [camera.advice for camera in state.cameras] == [f"show the board to cam{c}" for c in range(3)]
-    assert not state.enough and state.error_m is None and state.unsolved
+    assert not state.enough and not state.usable and state.error_m is None and state.unsolved
 
 
 def test_a_board_at_rest_adds_nothing():
@@ -153,6 +153,7 @@ def test_a_good_recording_is_enough_and_the_limits_are_those_of_the_report():
     for state, found in guesses:
         assert state.enough == (not found), found
         assert bool(state.advice or any(camera.advice for camera in state.cameras)) == bool(found)
+        assert state.usable
     assert guesses[-1][0].enough
 
 

@@ -118,6 +118,7 @@ def guide_document(state: GuideState, recorded: str, notices: Sequence[str]) -> 
         "error_mm": None if state.error_m is None else 1e3 * state.error_m,
         "error": error_line(state),
         "advice": overall_line(state),
+        "usable": state.usable,
         "enough": state.enough,
         "recorded": recorded,
         "notices": list(notices),

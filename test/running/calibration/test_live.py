@@ -90,7 +90,7 @@ def test_a_board_before_live_cameras_gives_a_rig(tmp_path):
         for line in program.stdout:
             said += line
             predicted = re.search(r"predicted error .*: ([\d.]+) mm", line)
-            if predicted and float(predicted[1]) < 5.0:
+            if predicted and float(predicted[1]) < 2.0:
                 break
         program.send_signal(signal.SIGINT)
         said += program.communicate(timeout=60)[0]

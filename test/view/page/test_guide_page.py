@@ -9,7 +9,7 @@ from browser import Browser, find_browser
 
 from panoptic_ros.calibration.guide import CameraGuide, GuideState
 from panoptic_ros.running.viewer.serving import served
-from panoptic_ros.view.guide_table import ENOUGH, guide_lines
+from panoptic_ros.view.guide_table import ENOUGH, NOT_USABLE, USABLE, guide_lines
 from panoptic_ros.view.page.guide_scene import FINE, GuideScene, guide_document, packed_picture
 from panoptic_ros.view.page.html import GUIDE, page
 from panoptic_ros.view.page.live_talk import LiveTalk
@@ -36,6 +36,7 @@ def state_of(error_m=None, enough=False):
         error_m,
         "" if error_m else "camera right sees the board in 1 images",
         "",
+        bool(error_m),
         enough,
     )
 
@@ -52,6 +53,7 @@ def test_the_table_names_the_next_step_of_each_camera():
     assert "not yet solvable: camera right sees the board in 1 images" in lines
     assert "camera left: no image for 3 s" in lines
     assert guide_lines(state_of(2e-3, True), "", [])[-1] == ENOUGH
+    assert (lines[-1], guide_lines(state_of(2e-3), "", [])[-1]) == (NOT_USABLE, USABLE)
 
 
 def test_the_document_has_what_the_page_draws():
@@ -85,6 +87,7 @@ def test_a_browser_shows_all(tmp_path):
         window.wait("guide.guide")
         scene.picture("left", jpeg_of(), np.array([[320.0, 240.0]]))
         window.wait("guide.drawn > 0")
+        assert window.evaluate("document.getElementById('views').scrollHeight <= innerHeight")
         text = window.evaluate("document.body.innerText")
         for words in (
             "2.5 mm",

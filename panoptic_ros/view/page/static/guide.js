@@ -2,6 +2,7 @@
 
 import { openSource } from "#view/source.js";
 
+const GAP = 12, CAPTION = 92, LEAST = 180; // px: between images, of three lines below one, least width of an image
 const $ = (id) => document.getElementById(id);
 const page = { facts: null, guide: null, views: [], drawn: 0 };
 window.guide = page; // for tests
@@ -28,7 +29,23 @@ function begin(facts) {
   page.facts = facts;
   page.views = facts.cameras.map((camera) => new View(camera));
   $("views").replaceChildren(...page.views.map((view) => view.figure));
+  fit();
 }
+
+// Choose the number of columns with which all images are largest and fit into the window.
+function fit() {
+  const { clientWidth, clientHeight } = $("views"), count = page.views.length;
+  if (!count) return;
+  const shape = Math.max(...page.facts.cameras.map(({ size }) => size[1] / size[0]));
+  const widths = page.views.map((_, k) => {
+    const rows = Math.ceil(count / (k + 1));
+    return Math.min(clientWidth / (k + 1) - GAP, (clientHeight / rows - GAP - CAPTION) / shape);
+  });
+  const width = Math.max(...widths, LEAST);
+  const columns = width === LEAST ? Math.max(1, Math.floor(clientWidth / (LEAST + GAP))) : widths.indexOf(width) + 1;
+  $("views").style.gridTemplateColumns = `repeat(${columns}, ${Math.floor(width)}px)`;
+}
+addEventListener("resize", fit);
 
 // One camera: its newest image, corners of the board, and cells of the image.
 class View {
@@ -97,7 +114,7 @@ function show(guide) {
   const big = element("b", { textContent: guide.error_mm === null ? "– mm" : `${guide.error_mm.toFixed(1)} mm` });
   $("error").replaceChildren(big, guide.error);
   $("advice").textContent = guide.advice;
-  $("badge").textContent = guide.enough ? "enough" : "not enough";
+  $("badge").textContent = guide.enough ? "enough" : guide.usable ? "usable" : "not usable yet";
   $("badge").className = `badge ${guide.enough ? "live" : ""}`;
   $("recorded").textContent = guide.recorded;
   $("notices").replaceChildren(...guide.notices.map((text) => element("p", { className: "notice", textContent: text })));
