@@ -6,12 +6,13 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.cli.options import add_page_options, names, open_page
+from panoptic_ros.cli.options import HOST, PORT, add_page_options, names, open_page
 from panoptic_ros.errors import UsageError
 from panoptic_ros.running.processes.shared_memory import prepare_shared_memory
 
 NOT_LIVE = ("people", "pattern", "floor", "depth_sensor")
-LIVE_ONLY = ("topics", "cameras")
+# options without an effect on recordings, with their defaults
+LIVE_ONLY = {"topics": None, "cameras": None, "host": HOST, "port": PORT, "no_browser": False}
 
 
 def add_live_options(parser: argparse.ArgumentParser) -> None:
@@ -42,8 +43,8 @@ def check_live_usage(args: argparse.Namespace) -> None:
     if not args.live:
         if args.folder is None:
             raise UsageError("give a folder or bag with images of the board, or --live")
-        if wrong := [name for name in LIVE_ONLY if getattr(args, name)]:
-            raise UsageError(f"--{wrong[0]} is for --live")
+        if wrong := [name for name, default in LIVE_ONLY.items() if getattr(args, name) != default]:
+            raise UsageError(f"--{wrong[0].replace('_', '-')} is for --live")
         return
     if args.folder is not None:
         raise UsageError(f"{args.folder}: --live records from cameras; leave the folder or --live out")

@@ -12,6 +12,7 @@ from pathlib import Path
 from panoptic_ros.errors import UsageError
 from panoptic_ros.running.arguments import within
 
+HOST, PORT = "127.0.0.1", 8765  # default address of pages
 SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
@@ -64,11 +65,11 @@ def add_page_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of verbs that serve a page."""
     parser.add_argument(
         "--host",
-        default="127.0.0.1",
+        default=HOST,
         help="address on which to listen; 0.0.0.0 lets other machines open the page at the printed address",
     )
     parser.add_argument(
-        "--port", type=within(int, 0, 65535), default=8765, help="port on which to listen; 0: any free port"
+        "--port", type=within(int, 0, 65535), default=PORT, help="port on which to listen; 0: any free port"
     )
     parser.add_argument("--no-browser", action="store_true", help="print the address only, open no browser")
 

@@ -113,6 +113,7 @@ def test_a_board_before_live_cameras_gives_a_rig(tmp_path):
         ([], "give a folder or bag with images of the board, or --live"),
         (["x", "--live"], "--live records from cameras"),
         (["x", "--cameras", "cam0"], "--cameras is for --live"),
+        (["x", "--no-browser"], "--no-browser is for --live"),
         (["--live", "--people"], "--people is not for --live"),
         (["--live", "--floor", "1"], "--floor is not for --live"),
         (["--live", "--board", "wand:0/150/500mm"], "--live needs a flat board"),
