@@ -29,11 +29,10 @@ from panoptic_ros.solving.frames import CameraFrame
 
 Array = np.ndarray
 GATE = 3.5  # standard deviations, mean distance up to which a 2D person may belong to a person
-# factor on SIGMA of 2D people that fit somebody else as well. Results are equal from 8 to 16; with 4 or no
-# update, tracks of people who embrace drift apart
+# factor on SIGMA of 2D people that fit somebody else as well. With 4, people who embrace change places; with
+# no update, their tracks drift apart
 UNSURE = 8.0
 MEMORY_S = 0.5  # s without a view after which a person has left
-UNSURE_S = 1.0  # s without a view that shows nobody else as well, after which a track ends
 # share of the expected views of MEMORY_S below which a person has left; minimum number of these views
 LEAST_SHARE, SHARE_VIEWS = 0.2, 6
 PAIR_S = 0.08  # s, time between two views of different cameras that may start a person
@@ -75,7 +74,6 @@ class ViewTrack:
         time: (s) time of the filters.
         number: Order of the start.
         last: (s) timestamp of the newest view that shows the person.
-        sure: (s) timestamp of the newest view that is not ambiguous.
         entries: (V) 2D people, one per view.
         cameras: (V) their cameras.
         missed: (int) number of views in which a person was expected and not found.
@@ -90,7 +88,6 @@ class ViewTrack:
     time: float
     number: int
     last: float
-    sure: float
     entries: list[Entry] = field(default_factory=list)
     exchanged: int = 0
     cameras: set[int] = field(default_factory=set)
@@ -120,16 +117,13 @@ class ViewTrack:
 
         Args:
             mirror: (J,) joint on the other side of each joint, if left and right are exchanged.
-            unsure: the 2D person fits somebody else as well. It holds the filters near, and is no entry.
+            unsure: the 2D person fits somebody else as well, and moves the filters little.
         """
         plane, known = frame.plane[person].copy(), frame.scores[person] > 0.0
         if mirror is not None:
             plane, known = plane[mirror], known[mirror]
         squares = update(self.filters, view, plane, known, UNSURE * SIGMA if unsure else SIGMA)
         self.last = self.time
-        if unsure:
-            return
-        self.sure = self.time
         depth = float(np.nanmedian(self.positions @ view.rotation[2]) + view.translation[2])
         self.entries.append(Entry(number, person, depth, mirror is not None, squares))
         self.exchanged += mirror is not None
@@ -286,8 +280,7 @@ class ViewTracker:
 
     def _end(self, time: float) -> None:
         for track in list(self.active):
-            silent = abs(time - track.last) > MEMORY_S or abs(time - track.sure) > UNSURE_S
-            if silent or track.rare:
+            if abs(time - track.last) > MEMORY_S or track.rare:
                 self.active.remove(track)
                 if track.confirmed:
                     self.ended.append(track)
@@ -307,7 +300,7 @@ class ViewTracker:
             self._free.append(mine)
             return
         self._free = [one for one in self._free if one is not partner]
-        track = ViewTrack(self._meeting(mine, partner), time, self._numbers, time, time)
+        track = ViewTrack(self._meeting(mine, partner), time, self._numbers, time)
         self._numbers += 1
         centre = np.nanmedian(track.positions, axis=0)
         for frame_number, who, camera in (
@@ -413,7 +406,7 @@ def _extend(
         time, frame = float(times[number]), frames[number]
         while waiting and waiting[-1].seed is not None and waiting[-1].seed[0] >= time:
             seed = waiting[-1].seed
-            copies.append((waiting.pop(), ViewTrack(seed[1], seed[0], 0, seed[0], seed[0])))
+            copies.append((waiting.pop(), ViewTrack(seed[1], seed[0], 0, seed[0])))
             active.append(copies[-1])
         active = [pair for pair in active if pair[1].last - time <= MEMORY_S and not pair[1].rare]
         view = tracker.views[frame.camera]
@@ -438,8 +431,6 @@ def _extend(
             track, copy = others[row]
             exchanged = mirror if costs[row][1][column] < costs[row][0][column] else None
             copy.take(number, free[column], view, frame, exchanged, row in unsure)
-            if row in unsure:
-                continue
             track.entries.append(copy.entries[-1])
             track.cameras.add(frame.camera)
             owners[number, free[column]] = track
