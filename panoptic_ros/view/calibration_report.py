@@ -24,6 +24,7 @@ HEAD = (
     "offset ms",
     "± ms",
 )
+LEFT_OUT = ("camera", "reason", "images", "files")
 MAGNIFIED = 40  # times, residuals in pictures
 WIDTH = 960  # px, of a picture
 SEEN, MISS, CELL = (40, 200, 40), (40, 40, 255), (90, 90, 90)  # BGR
@@ -102,6 +103,7 @@ def report_page(
     quality: Quality,
     links: Mapping[tuple[int, int], int],
     lines: Sequence[str],
+    left_out: Sequence[Sequence[str]],
     pictures: Mapping[str, str],
 ) -> str:
     """Return the report as HTML.
@@ -109,6 +111,7 @@ def report_page(
     Args:
         links: instants that link pairs of cameras.
         lines: doubts and notices.
+        left_out: rows of the table of images that are not used, see `LEFT_OUT`.
         pictures: file name of the picture of each camera.
     """
     linked = link_rows(quality, links)
@@ -119,6 +122,7 @@ def report_page(
         if lines
         else "<p>All limits of a good calibration hold.</p>",
         "<h2>Cameras</h2>" + html_table(HEAD, quality_rows(quality)),
+        "<h2>Images left out</h2>" + html_table(LEFT_OUT, left_out) if left_out else "",
         "<h2>Instants in which two cameras see the target</h2>",
         html_table(("", *(row[0] for row in linked)), linked),
         f"<h2>Corners (green) and residuals (red, {MAGNIFIED} times)</h2>",
