@@ -56,7 +56,7 @@ def test_images_of_a_board_give_a_rig_with_its_report(session, tmp_path, capsys)
 
 
 def test_images_that_are_left_out_are_listed_with_their_reasons(session, tmp_path):
-    """The report names an empty image, a covered board, two boards, and the image of another instant."""
+    """List an empty image, a covered board, two boards, and the image of another instant."""
     copied = tmp_path / "s"
     shutil.copytree(session[0], copied)
     files = sorted((copied / "cam1").iterdir())
