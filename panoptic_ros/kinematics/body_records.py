@@ -2,7 +2,7 @@
 
 Constant biases of a detector and errors of the calibration are the same at every instant, so no filter
 observes them. They are therefore added to the covariances of positions here, as refinement adds them to
-those of skeletons. Cameras behind a body vary with its joints, so all that see a point count.
+those of skeletons. For the calibration, all cameras that see a point count.
 """
 
 from __future__ import annotations

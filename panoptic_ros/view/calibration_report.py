@@ -111,7 +111,7 @@ def report_page(
     Args:
         links: instants that link pairs of cameras.
         lines: doubts and notices.
-        left_out: rows of the table of images that are not used, see `LEFT_OUT`.
+        left_out: rows of images without use, see `LEFT_OUT`.
         pictures: file name of the picture of each camera.
     """
     linked = link_rows(quality, links)
