@@ -103,7 +103,7 @@ class Adjustment:
         shifts: (V,) s, time shift of each view.
         cost: Sum of the losses, of the priors and of the shifts.
         steps: Number of accepted steps.
-        damping: Relative damping of the next step; rounds continue with that of the round before.
+        damping: Relative damping of the next step. Rounds continue with that of the round before.
     """
 
     cameras: CameraStates

@@ -22,6 +22,7 @@ from panoptic_ros.calibration.bundle import (
 from panoptic_ros.calibration.normal_equations import moved, twists_of
 from panoptic_ros.calibration.projection import OFFSET, POSE
 from panoptic_ros.calibration.rig_start import SCALE, CameraInput, RigStart, start_rig, with_best_targets
+from panoptic_ros.calibration.shared_errors import shared_errors
 from panoptic_ros.calibration.target_views import TargetView, image_speeds, in_order, observations_of
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.geometry import Rigid
@@ -158,6 +159,8 @@ def _calibrated(
     seen = seen._replace(variances=(noise**2)[seen.cameras[seen.views]])
     state = adjust(seen, state, PLAIN)
     covariance, index = covariance_of(seen, state)
+    if clocks:  # between images at different times, targets move
+        covariance *= shared_errors(seen, state, covariance, index)
     return CalibratedRig(
         tuple(cameras), tuple(ordered), seen, state, covariance, index, noise, start.links, outliers
     )
