@@ -19,21 +19,21 @@ from panoptic_ros.continuous.motion import (
     START_SPEED,
     JointFilters,
     ViewRays,
-    distances,
     predict,
     update,
 )
+from panoptic_ros.continuous.view_costs import SIGMA, ambiguous, view_costs
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.identity.assignment import best_pairs
 from panoptic_ros.solving.frames import CameraFrame
 
 Array = np.ndarray
-SIGMA = 4e-3  # standard deviation of a 2D joint on the normalised plane, for association only
-MOST_DISTANCE = 6.0  # standard deviations, upper limit of the distance of a joint in means
 GATE = 3.5  # standard deviations, mean distance up to which a 2D person may belong to a person
-MIRROR_MARGIN = 0.5  # standard deviations by which an exchange of left and right has to fit better
-WIDEST = 0.15  # m, greatest standard deviation of an innovation, for association only
+# factor on SIGMA of 2D people that fit somebody else as well. Results are equal from 8 to 16; with 4 or no
+# update, tracks of people who embrace drift apart
+UNSURE = 8.0
 MEMORY_S = 0.5  # s without a view after which a person has left
+UNSURE_S = 1.0  # s without a view that shows nobody else as well, after which a track ends
 # share of the expected views of MEMORY_S below which a person has left; minimum number of these views
 LEAST_SHARE, SHARE_VIEWS = 0.2, 6
 PAIR_S = 0.08  # s, time between two views of different cameras that may start a person
@@ -75,6 +75,7 @@ class ViewTrack:
         time: (s) time of the filters.
         number: Order of the start.
         last: (s) timestamp of the newest view that shows the person.
+        sure: (s) timestamp of the newest view that is not ambiguous.
         entries: (V) 2D people, one per view.
         cameras: (V) their cameras.
         missed: (int) number of views in which a person was expected and not found.
@@ -89,6 +90,7 @@ class ViewTrack:
     time: float
     number: int
     last: float
+    sure: float
     entries: list[Entry] = field(default_factory=list)
     exchanged: int = 0
     cameras: set[int] = field(default_factory=set)
@@ -106,18 +108,28 @@ class ViewTrack:
             self.time = time
 
     def take(
-        self, number: int, person: int, view: ViewRays, frame: CameraFrame, mirror: Array | None = None
+        self,
+        number: int,
+        person: int,
+        view: ViewRays,
+        frame: CameraFrame,
+        mirror: Array | None = None,
+        unsure: bool = False,
     ) -> None:
         """Update with a 2D person of view `number` at the present time.
 
         Args:
             mirror: (J,) joint on the other side of each joint, if left and right are exchanged.
+            unsure: the 2D person fits somebody else as well. It holds the filters near, and is no entry.
         """
         plane, known = frame.plane[person].copy(), frame.scores[person] > 0.0
         if mirror is not None:
             plane, known = plane[mirror], known[mirror]
-        squares = update(self.filters, view, plane, known, SIGMA)
+        squares = update(self.filters, view, plane, known, UNSURE * SIGMA if unsure else SIGMA)
         self.last = self.time
+        if unsure:
+            return
+        self.sure = self.time
         depth = float(np.nanmedian(self.positions @ view.rotation[2]) + view.translation[2])
         self.entries.append(Entry(number, person, depth, mirror is not None, squares))
         self.exchanged += mirror is not None
@@ -226,16 +238,18 @@ class ViewTracker:
         view = self.views[frame.camera]
         explained: set[int] = set()
         pairs: list[tuple[int, int]] = []
+        unsure: set[int] = set()
         if people:
             costs = [view_costs(track.filters, view, frame, people, self._mirror) for track in tracks]
             least = np.stack([np.minimum(*cost) for cost in costs])
             pairs = best_pairs(least, GATE)
             sure = np.array([track.confirmed > 0 for track in tracks])
+            unsure = ambiguous(least, pairs) if sure.all() else unsure
             explained = {people[k] for k in np.flatnonzero((least[sure] <= GATE).any(axis=0))}
         for row, column in pairs:
             straight, mirrored = costs[row]
             exchanged = self._mirror if mirrored[column] < straight[column] else None
-            tracks[row].take(number, people[column], view, frame, exchanged)
+            tracks[row].take(number, people[column], view, frame, exchanged, row in unsure)
             tracks[row].turn(self._mirror)
             explained.add(people[column])
             self._settle(tracks[row])
@@ -272,7 +286,8 @@ class ViewTracker:
 
     def _end(self, time: float) -> None:
         for track in list(self.active):
-            if abs(time - track.last) > MEMORY_S or track.rare:
+            silent = abs(time - track.last) > MEMORY_S or abs(time - track.sure) > UNSURE_S
+            if silent or track.rare:
                 self.active.remove(track)
                 if track.confirmed:
                     self.ended.append(track)
@@ -292,7 +307,7 @@ class ViewTracker:
             self._free.append(mine)
             return
         self._free = [one for one in self._free if one is not partner]
-        track = ViewTrack(self._meeting(mine, partner), time, self._numbers, time)
+        track = ViewTrack(self._meeting(mine, partner), time, self._numbers, time, time)
         self._numbers += 1
         centre = np.nanmedian(track.positions, axis=0)
         for frame_number, who, camera in (
@@ -384,23 +399,6 @@ def pairing_time_of(periods: Iterable[float]) -> float:
     return max([PAIR_S, *(0.5 * period for period in periods if period < 1.0)])
 
 
-def view_costs(
-    filters: JointFilters, view: ViewRays, frame: CameraFrame, people: list[int], mirror: Array
-) -> tuple[Array, Array]:
-    """Return the distances (D,) of 2D people from a person: as they are, and with left and right exchanged.
-
-    An exchange has to fit better by MIRROR_MARGIN.
-
-    Args:
-        people: D rows of the frame.
-    """
-    planes, known = frame.plane[people], frame.scores[people] > 0.0
-    straight = distances(filters, view, planes, known, SIGMA, WIDEST, MOST_DISTANCE)
-    planes, known = (np.ascontiguousarray(values[:, mirror]) for values in (planes, known))
-    mirrored = distances(filters, view, planes, known, SIGMA, WIDEST, MOST_DISTANCE)
-    return straight, mirrored + MIRROR_MARGIN
-
-
 def _extend(
     tracker: ViewTracker, tracks: list[ViewTrack], frames: Sequence[CameraFrame], times: Array, mirror: Array
 ) -> None:
@@ -415,7 +413,7 @@ def _extend(
         time, frame = float(times[number]), frames[number]
         while waiting and waiting[-1].seed is not None and waiting[-1].seed[0] >= time:
             seed = waiting[-1].seed
-            copies.append((waiting.pop(), ViewTrack(seed[1], seed[0], 0, seed[0])))
+            copies.append((waiting.pop(), ViewTrack(seed[1], seed[0], 0, seed[0], seed[0])))
             active.append(copies[-1])
         active = [pair for pair in active if pair[1].last - time <= MEMORY_S and not pair[1].rare]
         view = tracker.views[frame.camera]
@@ -430,14 +428,18 @@ def _extend(
                 copy.count(number, True)
             else:
                 others.append((track, copy))
-        pairs = []
+        pairs, unsure = [], set()
         if others and free:
             costs = [view_costs(copy.filters, view, frame, free, mirror) for _, copy in others]
-            pairs = best_pairs(np.stack([np.minimum(*cost) for cost in costs]), GATE)
+            least = np.stack([np.minimum(*cost) for cost in costs])
+            pairs = best_pairs(least, GATE)
+            unsure = ambiguous(least, pairs)
         for row, column in pairs:
             track, copy = others[row]
             exchanged = mirror if costs[row][1][column] < costs[row][0][column] else None
-            copy.take(number, free[column], view, frame, exchanged)
+            copy.take(number, free[column], view, frame, exchanged, row in unsure)
+            if row in unsure:
+                continue
             track.entries.append(copy.entries[-1])
             track.cameras.add(frame.camera)
             owners[number, free[column]] = track

@@ -7,6 +7,7 @@ import numpy as np
 from free_cameras import FreeCapture
 
 from panoptic_ros.continuous.follow import follow
+from panoptic_ros.continuous.online import OnlineMotion
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.solving.frames import camera_frames
 
@@ -85,3 +86,22 @@ def test_people_whom_a_detector_reports_twice_are_one_person():
             )
         capture.sets[k] = replace(item, views=(view,))
     assert len(followed(capture)[3]) == 2
+
+
+def test_views_that_show_two_people_at_one_place_end_a_track_and_do_no_harm():
+    calls = {}
+
+    def spoil(pixels, _, camera):
+        calls[camera] = calls.get(camera, 0) + 1
+        if calls[camera] > 15:  # from 1.5 s on
+            pixels[1] = pixels[0]
+
+    capture = FreeCapture(seconds=5.0, spoil=spoil)
+    frames, times, arrays, tracks = followed(capture)
+    people = [owners(capture, frames, times, arrays, track) for track in tracks]
+    assert all(len(set(found)) == 1 for found in people)
+    motion = OnlineMotion(arrays, captures.SKELETON)
+    for frame, time in zip(frames, times):
+        motion.take(frame, float(time))
+        motion.settle()
+    assert len(motion.at(float(times[-1]))) == 1
