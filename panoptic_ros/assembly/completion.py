@@ -156,9 +156,10 @@ def place_joints(rows, shown, joints, body, sight):
         rays, scores, number = _rays_of(shown, k)
         known = _of_solved(joints, k, body)
         begin(known, rays, body, shown.expected[k])
-        places, covariances, _ = estimate(known, rays, body)
+        missing = np.isnan(joints.positions[k, :, 0])
+        places, covariances, _ = estimate(known, rays, body, missing)
         for j in range(len(number)):
-            if np.isnan(joints.positions[k, j, 0]) and np.isfinite(places[j, 0]):
+            if missing[j] and np.isfinite(places[j, 0]):
                 joints.positions[k, j], joints.covariances[k, j] = places[j], covariances[j]
                 joints.scores[k, j], joints.views[k, j] = scores[j], number[j]
 
@@ -186,13 +187,14 @@ def hold_joints(rows, kept, shown, followed, joints, body, worst):
             continue
         known = _expected(followed, who, number > 0, body)
         _take_solved(known, joints, row)
-        places, covariances, residuals = estimate(known, rays, body)
+        missing = np.isnan(joints.positions[row, :, 0])
+        places, covariances, residuals = estimate(known, rays, body, missing)
         fits = residuals.ravel()[np.isfinite(residuals.ravel())]
         if not len(fits) or np.median(fits) > WORST_FIT:
             continue
         for j in range(len(number)):
             sure = GROWTH * largest_eigenvalue(covariances[j]) <= worst**2  # False for NaN
-            placed[row, j] = sure and np.isnan(joints.positions[row, j, 0])
+            placed[row, j] = sure and missing[j]
             if not placed[row, j]:
                 places[j] = np.nan
         there[row] |= placed[row].any() and not _is_there(places, fresh)

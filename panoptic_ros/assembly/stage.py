@@ -253,7 +253,9 @@ class AssemblyStage(Stateful):
         joints.derive(self._skeleton)
         kept = kept_people(joints, good, member)
         own, placed = selected(joints, kept), np.zeros((len(kept), len(self._skeleton)), bool)
-        tracked, prediction = np.flatnonzero((shown > 0) & (found.who >= 0)), item.association.prediction
+        complete = kept[np.isfinite(own.positions[..., 0]).all(axis=1)]
+        tracked = np.setdiff1d(np.flatnonzero((shown > 0) & (found.who >= 0)), complete)
+        prediction = item.association.prediction
         if config.held_sigma > 0.0 and len(tracked) and prediction.lengths.shape[1] == len(self._body.bones):
             people, worst = (tracked, kept, own), config.held_sigma
             shows = CandidateObservations.of(scene, found, tails)
