@@ -72,7 +72,7 @@ def start_wand(cameras: Sequence[CameraInput], views: Sequence[TargetView], poin
     poses = [pose for pose in placed if pose is not None]
     views, targets = _targets(views, plane, poses, points)
     states = replace(
-        free_cameras(cameras, lenses),
+        free_cameras(cameras, list(lenses)),
         rotations=np.stack([pose.rotation for pose in poses]),
         translations=np.stack([pose.translation for pose in poses]),
     )
