@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import cv2
 import numpy as np
 
-from panoptic_ros.calibration.quality import CELLS, Quality
+from panoptic_ros.calibration.quality import CELLS, CameraQuality, Quality
 from panoptic_ros.calibration.solve import CalibratedRig
 
 Array = np.ndarray
@@ -35,16 +35,23 @@ STYLE = (
 )
 
 
+def observation_cells(camera: CameraQuality) -> tuple[str, ...]:
+    """Return the name of a camera, and the number, noise and coverage of its observations, as text."""
+    return (
+        camera.name,
+        str(camera.views),
+        str(camera.points),
+        str(camera.outliers),
+        f"{camera.noise_px:.2f}",
+        f"{camera.coverage:.0%}",
+    )
+
+
 def quality_rows(quality: Quality) -> list[tuple[str, ...]]:
     """Return the rows of the table of cameras, as text."""
     return [
         (
-            camera.name,
-            str(camera.views),
-            str(camera.points),
-            str(camera.outliers),
-            f"{camera.noise_px:.2f}",
-            f"{camera.coverage:.0%}",
+            *observation_cells(camera),
             f"{camera.focal_sd:.2%}",
             f"{camera.centre_sd_px:.1f}",
             f"{1e3 * camera.offset_s:+.1f}",
