@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from panoptic_ros.assembly.borders import artefacts, border_odds
-from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.completion import CandidateObservations, hold_people, place_joints
+from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.judgement import (
     FEW_VIEWS,
     AcceptanceCriteria,
