@@ -101,8 +101,9 @@ class Adjustment:
 
     Args:
         shifts: (V,) s, time shift of each view.
-        cost: sum of the losses, of the priors and of the shifts.
-        steps: number of accepted steps.
+        cost: Sum of the losses, of the priors and of the shifts.
+        steps: Number of accepted steps.
+        damping: Relative damping of the next step. Rounds continue with that of the round before.
     """
 
     cameras: CameraStates
@@ -110,6 +111,7 @@ class Adjustment:
     shifts: Array
     cost: float = float("inf")
     steps: int = 0
+    damping: float = DAMPING
 
 
 def residuals_of(seen: Observations, state: Adjustment) -> Array:
@@ -248,22 +250,20 @@ def adjust(
         converged: relative decrease of the cost below which the steps end.
     """
     state = replace(state, cost=total_cost(seen, state, scale))
-    damping = DAMPING
+    damping = state.damping
     for _ in range(most):
         try:
             found = _stepped(seen, state, _system(seen, state, scale, damping))
             cost = total_cost(seen, found, scale)
         except (LinAlgError, np.linalg.LinAlgError):
             cost = float("inf")
-        if not cost < state.cost:
+        done = abs(state.cost - cost) < converged * state.cost
+        if cost < state.cost:
+            damping = max(damping * FALL, 1e-12)
+            state = replace(found, cost=cost, steps=state.steps + 1, damping=damping)
+        else:
             damping *= RISE
-            if damping > GREATEST_DAMPING:
-                break
-            continue
-        done = state.cost - cost < converged * cost
-        state = replace(found, cost=cost, steps=state.steps + 1)
-        damping = max(damping * FALL, 1e-12)
-        if done:
+        if done or damping > GREATEST_DAMPING:
             break
     return state
 

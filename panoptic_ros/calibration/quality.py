@@ -22,6 +22,7 @@ GOOD_NOISE_PX = 0.5  # px per axis
 GOOD_VIEWS = 15
 MOST_REJECTED = 0.1  # share of images left out that needs no mention
 GOOD_COVERAGE = 0.6  # share of the cells of an image
+GOOD_TILT_DEG = (30, 60)  # degrees, tilts of a target against the viewing direction that determine the lens
 ASYNCHRONOUS_S = 0.025  # s, offset or spread of stamps beyond which a camera is not synchronous
 REFUSED = 5.0  # times these limits: the calibration is not usable
 
@@ -108,10 +109,17 @@ def quality_of(rig: CalibratedRig, scaled: bool = False) -> Quality:
     return Quality(tuple(cameras), float(np.sqrt((errors**2).mean())), float(np.percentile(errors, 95.0)))
 
 
+def covered_cells(pixels: Array, size: tuple[int, int]) -> Array:
+    """Return whether the cells (rows, columns) of an image (width, height) hold one of the pixels (N, 2)."""
+    columns, rows = np.clip((pixels / np.array(size) * CELLS).astype(int), 0, np.array(CELLS) - 1).T
+    covered = np.zeros(CELLS[::-1], bool)
+    covered[rows, columns] = True
+    return covered
+
+
 def coverage_of(pixels: Array, size: tuple[int, int]) -> float:
     """Return the share of the cells of an image (width, height) that hold one of the pixels (N, 2)."""
-    cells = np.clip((pixels / np.array(size) * CELLS).astype(int), 0, np.array(CELLS) - 1)
-    return len(np.unique(cells, axis=0)) / (CELLS[0] * CELLS[1])
+    return float(covered_cells(pixels, size).mean())
 
 
 def space_of(rig: CalibratedRig) -> Array:
@@ -210,8 +218,8 @@ def doubts(quality: Quality, target: str = "board") -> list[str]:
             )
         if camera.focal_sd > GOOD_FOCAL:
             lines.append(
-                f"{where}the focal length is known to {camera.focal_sd:.1%} only; tilt the {target} by 30 to "
-                "60 degrees and show it near the camera"
+                f"{where}the focal length is known to {camera.focal_sd:.1%} only; tilt the {target} by "
+                f"{GOOD_TILT_DEG[0]} to {GOOD_TILT_DEG[1]} degrees and show it near the camera"
             )
         if camera.centre_sd_px > GOOD_CENTRE_PX:
             lines.append(

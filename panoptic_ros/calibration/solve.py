@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from panoptic_ros.calibration.bundle import (
+    CONVERGED,
     PLAIN,
     Adjustment,
     CameraStates,
@@ -21,6 +22,7 @@ from panoptic_ros.calibration.bundle import (
 from panoptic_ros.calibration.normal_equations import moved, twists_of
 from panoptic_ros.calibration.projection import OFFSET, POSE
 from panoptic_ros.calibration.rig_start import SCALE, CameraInput, RigStart, start_rig, with_best_targets
+from panoptic_ros.calibration.shared_errors import shared_errors
 from panoptic_ros.calibration.target_views import TargetView, image_speeds, in_order, observations_of
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.geometry import Rigid
@@ -30,6 +32,9 @@ FIRST_NOISE_PX = 1.0  # px, noise of the pixels in the first round
 FIRST_JITTER_S = 0.02  # s, time shifts of views in the first round with shifts; webcams show 5 to 50 ms
 LEAST_JITTER_S = 1e-5  # s
 LEAST_NOISE_PX = 0.01  # px
+# Relative decrease of the cost that ends the steps of all rounds but the last. They determine the noise of
+# cameras and outliers; the noise changes by half of it. Clocks follow from the differences of rounds.
+ROUGH = 1e-3
 MOST_ROUNDS, SETTLED = 12, 0.01  # rounds of noise and adjustment; relative change of the noise that ends them
 OUTLIER = 4.0  # standard deviations per axis; a Gaussian has 6e-5 beyond
 MEDIAN_SQUARE = 2.0 * np.log(2.0)  # median of a chi-squared variable with two degrees of freedom
@@ -137,7 +142,7 @@ def _calibrated(
         seen = seen._replace(variances=(noise**2)[seen.cameras[seen.views]])
         if clocks:
             seen = seen._replace(twists=_twists(seen, _speeds(ordered, seen, state), state))
-        state = adjust(seen, state, SCALE)
+        state = adjust(seen, state, SCALE, converged=CONVERGED if clocks else ROUGH)
         try:
             if clocks:
                 seen, state = _recentred(seen, _with_jitter(seen, state))
@@ -149,11 +154,13 @@ def _calibrated(
     good = ((residuals_of(seen, state) ** 2) / seen.variances[:, None] < OUTLIER**2).all(axis=1)
     outliers = np.bincount(seen.cameras[seen.views][~good], minlength=len(cameras))
     seen = _kept(seen, good)
-    state = adjust(seen, state, PLAIN)
+    state = adjust(seen, state, PLAIN, converged=ROUGH)
     noise = plain_noise(seen, state, len(cameras))
     seen = seen._replace(variances=(noise**2)[seen.cameras[seen.views]])
     state = adjust(seen, state, PLAIN)
     covariance, index = covariance_of(seen, state)
+    if clocks:  # between images at different times, targets move
+        covariance *= shared_errors(seen, state, covariance, index)
     return CalibratedRig(
         tuple(cameras), tuple(ordered), seen, state, covariance, index, noise, start.links, outliers
     )
@@ -178,11 +185,11 @@ def refuse_contradictions(cameras: Sequence[CameraInput], noise: Array, seen: st
 
 def _settled(seen: Observations, start: RigStart) -> Adjustment:
     """Return the first adjustment, after targets with mirrored poses are corrected."""
-    state = adjust(seen, start.state, SCALE)
+    state = adjust(seen, start.state, SCALE, converged=ROUGH)
     again = with_best_targets(seen, state, start.candidates)
     if np.array_equal(again.targets.rotations, state.targets.rotations):
         return state
-    return adjust(seen, again, SCALE)
+    return adjust(seen, again, SCALE, converged=ROUGH)
 
 
 def _with_clocks(seen: Observations, speeds: Array, cameras: CameraStates) -> CameraStates:

@@ -17,7 +17,7 @@ Array = np.ndarray
 FEWEST_POINTS = 4  # points of a planar target that determine a pose
 FLAT_M = 1e-6  # m, extent across their longest direction below which points are on a line
 LEVER = 1.0  # m, distance at which a rotation counts like a translation
-MOST_INSTANTS = 60  # common instants of two cameras, evenly spaced, that give their relative pose
+MOST_INSTANTS = 20  # common instants of two cameras, evenly spaced, that give their relative pose
 SAME = 0.1  # m, distance between relative poses of two cameras that agree
 
 

@@ -12,6 +12,7 @@ from panoptic_ros.cli.calibrate_free import (
     run_pattern,
     run_people,
 )
+from panoptic_ros.cli.calibrate_live import add_live_options, check_live_usage, record_live
 from panoptic_ros.errors import UsageError
 from panoptic_ros.running.arguments import output_file, output_folder, within
 
@@ -24,6 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     parser.add_argument(
         "folder",
+        nargs="?",
         metavar="FOLDER|BAG",
         help="folder with one video or folder of images per camera, or a bag with their images; "
         "`print board` writes the board as PDF, `print pattern` a random pattern",
@@ -66,6 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_people_options(parser)
     add_pattern_options(parser)
+    add_live_options(parser)
     parser.add_argument("--paper", help="paper of `print board`, e.g. a4; default: the smallest that fits")
     parser.add_argument(
         "--out",
@@ -80,6 +83,7 @@ def run(args: argparse.Namespace) -> int:
     """Calibrate the cameras of a folder, or print a board."""
     from panoptic_ros.running.calibration.recorded_board import board_of  # imported here to keep --help fast
 
+    check_live_usage(args)
     out = output_file(args.out) if args.folder == PRINT else output_folder(args.out)
     if args.people:
         return run_people(args, output_folder(args.out))
@@ -106,6 +110,8 @@ def run(args: argparse.Namespace) -> int:
         return 0
     if args.what is not None:
         raise UsageError(f"{args.what}: one folder is expected; options begin with --")
+    if args.live:
+        args.folder = record_live(args, out, board)
     from panoptic_ros.io.rigs.intrinsics import read_intrinsics
     from panoptic_ros.running.calibration.calibrate import calibrate_recording
     from panoptic_ros.running.calibration.depth_sensors import sensors_of

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shutil
 import sys
+import webbrowser
 from pathlib import Path
 
 from panoptic_ros.errors import UsageError
+from panoptic_ros.running.arguments import within
+
+SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
 def add_occluder_option(parser: argparse.ArgumentParser) -> None:
@@ -53,6 +58,27 @@ def add_parameter_options(parser: argparse.ArgumentParser) -> None:
         dest="settings",
         help="one parameter; repeatable (see docs/parameters.md)",
     )
+
+
+def add_page_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of verbs that serve a page."""
+    parser.add_argument(
+        "--host",
+        default="127.0.0.1",
+        help="address on which to listen; 0.0.0.0 lets other machines open the page at the printed address",
+    )
+    parser.add_argument(
+        "--port", type=within(int, 0, 65535), default=8765, help="port on which to listen; 0: any free port"
+    )
+    parser.add_argument("--no-browser", action="store_true", help="print the address only, open no browser")
+
+
+def open_page(address: str, wanted: bool) -> None:
+    """Print the address of a page, and open it in a browser if that is wanted and there is a screen."""
+    print(f"open {address} in a browser; Ctrl-C ends it", flush=True)
+    # without a screen, a text browser may take over the terminal
+    if wanted and any(map(os.environ.get, SCREENS)):
+        webbrowser.open(address)
 
 
 def pairs(texts: list[str], option: str) -> dict[str, str]:

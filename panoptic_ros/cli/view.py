@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import os
-import webbrowser
 from pathlib import Path
 
+from panoptic_ros.cli.options import add_page_options, open_page
 from panoptic_ros.errors import UsageError
-from panoptic_ros.running.arguments import within
 from panoptic_ros.running.processes.shared_memory import prepare_shared_memory
-
-SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,15 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--truth", type=Path, metavar="FILE", help="true skeletons, e.g. truth.json.gz of a simulation"
     )
-    parser.add_argument(
-        "--host",
-        default="127.0.0.1",
-        help="address on which to listen; 0.0.0.0 lets other machines open the page at the printed address",
-    )
-    parser.add_argument(
-        "--port", type=within(int, 0, 65535), default=8765, help="port on which to listen; 0: any free port"
-    )
-    parser.add_argument("--no-browser", action="store_true", help="print the address only, open no browser")
+    add_page_options(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -49,10 +37,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("--rig, --skeleton and --truth have no meaning with --live")
 
     def ready(address: str) -> None:
-        print(f"open {address} in a browser; Ctrl-C ends it", flush=True)
-        # without a screen, a text browser may take over the terminal
-        if not args.no_browser and any(map(os.environ.get, SCREENS)):
-            webbrowser.open(address)
+        open_page(address, not args.no_browser)
 
     if args.live:
         prepare_shared_memory()  # must precede the import of ROS

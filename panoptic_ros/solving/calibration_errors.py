@@ -16,6 +16,8 @@ import numpy as np
 
 from panoptic_ros.domain import Camera
 from panoptic_ros.domain.camera import POSE_AND_MATRIX
+from panoptic_ros.geometry.symmetric import invert_symmetric
+from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 CELLS = 24  # cells per axis of a table: an image of 1920 px has cells of 80 px
@@ -54,7 +56,7 @@ class CalibrationErrors:
         poses = [camera.cam_from_world for camera in cameras]
         focals = np.array([0.5 * np.trace(camera.intrinsics.matrix[:2, :2]) for camera in cameras])
         corners, sizes, tables = zip(*(_table(camera) for camera in cameras))
-        return cls(
+        errors = cls(
             {camera.name: row for row, camera in enumerate(cameras)},
             np.array([pose.rotation for pose in poses]),
             np.array([pose.translation for pose in poses]),
@@ -63,6 +65,8 @@ class CalibrationErrors:
             np.array(sizes),
             np.array(tables),
         )
+        errors.covariances(np.zeros((1, 3)), np.zeros((1, len(cameras)), bool))  # compiles the kernel
+        return errors
 
     def covariances(self, points: Array, used: Array) -> Array:
         """Return the covariances (N, 3, 3) m^2 of points (N, 3) m; 0 if fewer than two cameras see a point.
@@ -74,39 +78,18 @@ class CalibrationErrors:
             points: World; NaN = missing, which gives 0.
             used: (N, C) whether a view contributed to the point.
         """
-        known = np.isfinite(points).all(axis=1)
-        local = np.where(known[:, None], points, 0.0) @ self.rotations.transpose(0, 2, 1)  # (C, N, 3)
-        local = (local + self.translations[:, None]).transpose(1, 0, 2)
-        front = local[..., 2] > MIN_DEPTH
-        inverse = 1.0 / np.where(front, local[..., 2], 1.0)
-        plane = local[..., :2] * inverse[..., None]
-        places = (plane - self.corners) / self.sizes
-        seen = known[:, None] & front & (places >= 0.0).all(axis=-1) & (places <= CELLS).all(axis=-1)
-        own = seen & used
-        views = np.where((own.sum(axis=1) >= 2)[:, None], own, seen)
-        solvable = views.sum(axis=1) >= 2
-        cells = np.where(views[..., None], places, 0.0).astype(np.int64)
-        np.minimum(cells, CELLS - 1, out=cells)
-        terms = self.tables[np.arange(len(self.focals)), cells[..., 0], cells[..., 1]]
-        z = inverse[..., None]
-        errors = (terms[..., 0, :] + z * (terms[..., 1, :] + z * terms[..., 2, :]))[..., None]
-        slopes = z[..., None] * (self.rotations[:, :2] - plane[..., None] * self.rotations[:, 2:])
-        weighted = slopes * (views * self.focals**2)[..., None, None]
-        first, second = weighted[..., :1, :], weighted[..., 1:, :]
-        spread = np.concatenate(
-            [
-                errors[..., :1, :] * first + errors[..., 1:2, :] * second,
-                errors[..., 2:3, :] * first + errors[..., 3:, :] * second,
-            ],
-            axis=-2,
+        found = np.zeros((len(points), 3, 3))
+        _fill_covariances(
+            np.array(points),  # records are read-only, which would compile a second kernel
+            used,
+            self.rotations,
+            self.translations,
+            self.focals,
+            self.corners,
+            self.sizes,
+            self.tables,
+            found,
         )
-        rows = (len(points), -1, 3)
-        across = weighted.reshape(rows).transpose(0, 2, 1)
-        normal = np.where(solvable[:, None, None], across @ slopes.reshape(rows), np.eye(3))
-        normal += 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(3)
-        inverses = np.linalg.inv(normal)
-        middle = across @ spread.reshape(rows) * solvable[:, None, None]
-        found: Array = inverses @ middle @ inverses
         return found
 
     def of_people(self, positions: Array, cameras: tuple[str, ...], persons: Array | None) -> Array:
@@ -123,6 +106,77 @@ class CalibrationErrors:
             used[:, [self.rows[name] for name in cameras]] = persons >= 0
         views = np.repeat(used, joints, axis=0)
         return self.covariances(positions.reshape(-1, 3), views).reshape(people, joints, 3, 3)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _fill_covariances(points, used, rotations, translations, focals, corners, sizes, tables, found):
+    """Write the covariances of `CalibrationErrors.covariances` to `found` (N, 3, 3), which is 0 beforehand.
+
+    A (2, 3) are the slopes of a view's plane by the point, in units of its noise. E is the covariance of the
+    plane. The covariance of a point is (sum A'A)^-1 (sum A'EA) (sum A'A)^-1.
+    """
+    count = len(focals)
+    cells, inverse, plane = np.empty((count, 2), np.int64), np.empty(count), np.empty((count, 2))
+    seen = np.empty(count, np.bool_)
+    first, second = np.empty(3), np.empty(3)
+    normal, middle, inverted = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    for n in range(len(points)):
+        x, y, z = points[n, 0], points[n, 1], points[n, 2]
+        if not (np.isfinite(x) and np.isfinite(y) and np.isfinite(z)):
+            continue
+        visible, own = 0, 0
+        for c in range(count):
+            turn, move = rotations[c], translations[c]
+            seen[c] = False
+            depth = turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z + move[2]
+            if depth <= MIN_DEPTH:
+                continue
+            inverse[c] = 1.0 / depth
+            inside = True
+            for k in range(2):
+                local = turn[k, 0] * x + turn[k, 1] * y + turn[k, 2] * z + move[k]
+                plane[c, k] = local * inverse[c]
+                place = (plane[c, k] - corners[c, k]) / sizes[c, k]
+                inside = inside and 0.0 <= place <= CELLS
+                cells[c, k] = min(int(place), CELLS - 1) if inside else 0
+            if inside:
+                seen[c] = True
+                visible += 1
+                own += used[n, c]
+        if visible < 2:
+            continue
+        normal[:], middle[:] = 0.0, 0.0
+        for c in range(count):
+            if not seen[c] or (own >= 2 and not used[n, c]):
+                continue
+            turn, near, terms = rotations[c], inverse[c], tables[c, cells[c, 0], cells[c, 1]]
+            information = focals[c] * focals[c]
+            for k in range(3):
+                first[k] = near * (turn[0, k] - plane[c, 0] * turn[2, k])
+                second[k] = near * (turn[1, k] - plane[c, 1] * turn[2, k])
+            xx = terms[0, 0] + near * (terms[1, 0] + near * terms[2, 0])
+            xy = terms[0, 1] + near * (terms[1, 1] + near * terms[2, 1])
+            yy = terms[0, 3] + near * (terms[1, 3] + near * terms[2, 3])
+            square = information * information
+            for i in range(3):
+                across, down = (
+                    square * (xx * first[i] + xy * second[i]),
+                    square * (xy * first[i] + yy * second[i]),
+                )
+                for j in range(i + 1):
+                    normal[i, j] += information * (first[i] * first[j] + second[i] * second[j])
+                    middle[i, j] += across * first[j] + down * second[j]
+        for i in range(3):
+            for j in range(i):
+                middle[j, i] = middle[i, j]
+        invert_symmetric(normal, 1.0, inverted)
+        for i in range(3):
+            for j in range(i + 1):
+                total = 0.0
+                for k in range(3):
+                    for m in range(3):
+                        total += inverted[i, k] * middle[k, m] * inverted[m, j]
+                found[n, i, j] = found[n, j, i] = total
 
 
 def _table(camera: Camera) -> tuple[Array, Array, Array]:

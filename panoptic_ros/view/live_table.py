@@ -13,6 +13,7 @@ import numpy as np
 
 from panoptic_ros.domain import SkeletonModel, TrackedPoseSet
 from panoptic_ros.io.colors import rgb_of
+from panoptic_ros.view.redrawn import RedrawnLines
 
 WINDOW_S = 2.0  # s; window over which frame rates are counted
 REDRAW_S = 0.25  # s between redraws of the table in a terminal
@@ -45,6 +46,7 @@ class LiveTable:
         self._clock = clock
         self._skeleton = skeleton
         self._terminal = self._stream.isatty()
+        self._redrawn = RedrawnLines(self._stream)
         self._arrivals: dict[str, deque[float]] = {name: deque() for name in cameras}
         self._people_seen: dict[str, int] = dict.fromkeys(cameras, 0)
         self._dropped = 0
@@ -52,7 +54,6 @@ class LiveTable:
         self._pose_arrivals: deque[float] = deque()
         self._latencies: deque[float] = deque(maxlen=300)
         self._drawn_at = -1e9
-        self._lines_up = 0
 
     def saw_view(self, camera: str, people: int) -> None:
         """Record the arrival of one frame's detections with `people` persons."""
@@ -129,13 +130,10 @@ class LiveTable:
         self._drawn_at = now
         if self._terminal:
             rows = [self._colored(row) for row in self.lines(shutil.get_terminal_size().lines - 1)]
-            up = f"\x1b[{self._lines_up}A" if self._lines_up else ""
-            text = up + "".join(f"\r{row}\x1b[K\n" for row in rows) + "\x1b[J"
-            self._lines_up = len(rows)
+            self._redrawn.draw(rows)
         else:
-            text = self._plain_line() + "\n"
-        self._stream.write(text)
-        self._stream.flush()
+            self._stream.write(self._plain_line() + "\n")
+            self._stream.flush()
 
     def _plain_line(self) -> str:
         rates = ", ".join(f"{name} {self._rate(times):.1f}/s" for name, times in self._arrivals.items())

@@ -26,7 +26,7 @@ from panoptic_ros.simulation.people_sessions import PeopleScene, simulate_people
 from panoptic_ros.simulation.rigs import Corners, Ring
 from panoptic_ros.simulation.skeleton import SKELETON
 from panoptic_ros.stage import untold
-from panoptic_ros.study.calibration.people import _camera_errors, _grid, _session_errors
+from panoptic_ros.study.calibration.people import _grid, _own_errors, _session_errors
 
 EXACT = replace(CLEAN, noise_px=1e-3, hidden_miss=1.0)
 SCENE = PeopleScene(Corners(3), degradation=MILD, seconds=3.0, rate_hz=15.0)
@@ -46,7 +46,7 @@ def usual():
 
 def test_exact_joints_give_the_exact_rig_up_to_scale():
     session, found = calibrated(replace(SCENE, degradation=EXACT), synchronous=True)
-    errors = _camera_errors(found, session.rig, _grid())
+    errors = _own_errors(found, session.rig, _grid())
     assert errors["error_m"] < 2e-5
     assert errors["rotation_rad"] < 1e-5
     assert errors["up_rad"] < 0.01
@@ -55,7 +55,7 @@ def test_exact_joints_give_the_exact_rig_up_to_scale():
 def test_errors_are_as_large_as_stated(usual):
     rows = []
     for session, found in (usual, calibrated(SCENE, 2)):
-        rows.append({**_camera_errors(found, session.rig, _grid()), **_session_errors(found, session)})
+        rows.append({**_own_errors(found, session.rig, _grid()), **_session_errors(found, session)})
     mean = {name: np.mean([row[name] for row in rows]) for name in rows[0]}
     assert mean["error_m"] < 2e-3
     assert mean["up_rad"] < np.radians(0.5)
@@ -74,7 +74,7 @@ def test_clock_offsets_are_found():
     session, found = calibrated(replace(SCENE, rig=Corners(4), lag_s=0.05, rate_hz=30.0))
     offsets = found.solved.rig.state.cameras.offsets
     np.testing.assert_allclose(offsets, session.offsets - session.offsets[0], atol=4e-3)
-    assert _camera_errors(found, session.rig, _grid())["error_m"] < 3e-3
+    assert _own_errors(found, session.rig, _grid())["error_m"] < 3e-3
 
 
 def test_a_measured_distance_gives_the_scale(usual):

@@ -122,6 +122,28 @@ def test_a_repaired_rig_gives_the_same_bytes_in_one_process_and_in_the_graph(tmp
     assert rigs[0] == rigs[1]
 
 
+def test_the_covariance_of_a_calibration_reaches_one_process_and_the_graph(tmp_path):
+    """Joint covariances contain the calibration's, and have the same bytes with and without ROS."""
+    root = np.diag([*3 * (6e-4,), *3 * (2e-3,), *4 * (0.8,), *5 * (1e-3,)])  # rad, m, px, distortion
+    root[3:6, :3] = 1e-3  # translations follow rotations
+    doubtful = Rig(tuple(replace(one, covariance=root @ root.T) for one in captures.RIG.cameras))
+    views = [replace(view, stamp_ns=view.stamp_ns + 10**9) for view in captures.views(12)]
+    found, more = {}, {"dds": [], "process": ["--in-process"], "plain": ["--in-process"]}
+    for out, words in more.items():
+        bag = write_bag(tmp_path / f"bag_{out}", views, captures.RIG if out == "plain" else doubtful)
+        run = ["run", "--bag", str(bag), "--out", str(tmp_path / out), "--no-pictures", *words]
+        assert main(run) == 0
+        with BagReader(tmp_path / out / "bag") as bag_of_run:
+            messages = [message for _, _, message in bag_of_run.messages("/skeletons")]
+            found[out] = [from_message(message, "RefinedPoseSet") for message in messages]
+    assert skeletons(tmp_path / "dds") == skeletons(tmp_path / "process")
+    for graph, own, plain in zip(*found.values(), strict=True):
+        assert graph.covariances.tobytes() == own.covariances.tobytes()
+        assert np.array_equal(own.positions, plain.positions)
+        added = np.trace(own.covariances - plain.covariances, axis1=-2, axis2=-1)
+        assert np.median(added) > (2e-3) ** 2  # m^2
+
+
 def test_people_are_right_and_nothing_is_lost(over_dds):
     result = read_skeletons(over_dds / "skeletons.json.gz")
     assert len(result.frames) == 40

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drawn_rigs import drawn, triangulated
 
 from panoptic_ros.domain import Camera, Rig
-from panoptic_ros.geometry import Intrinsics, Rigid
-from panoptic_ros.geometry.rotations import rotations_of
+from panoptic_ros.geometry import Intrinsics
 from panoptic_ros.simulation.rigs import looking_at
-from panoptic_ros.solving.calibration_errors import CalibrationErrors
+from panoptic_ros.solving.calibration_errors import CELLS, MIN_DEPTH, CalibrationErrors
 
 BROWN = (-0.12, 0.05, 0.001, -0.0005, 0.01)
 FISHEYE = (-0.02, 0.003, 0.001, -0.0005)
@@ -33,34 +33,42 @@ def uncertain_rig(lens: str, seed: int = 0) -> Rig:
     return Rig(tuple(cameras))
 
 
-def drawn(camera: Camera, rng: np.random.Generator) -> Camera:
-    """Return the camera with calibration errors that follow its covariance."""
-    error = rng.multivariate_normal(np.zeros(len(camera.covariance)), camera.covariance)
-    pose, lens = camera.cam_from_world, camera.intrinsics
-    rotation = rotations_of(error[None, :3])[0] @ pose.rotation
-    matrix = lens.matrix.copy()
-    matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += error[6:10]
-    intrinsics = replace(lens, matrix=matrix, distortion=lens.distortion + error[10:])
-    return replace(
-        camera, cam_from_world=Rigid(rotation, pose.translation + error[3:6]), intrinsics=intrinsics
-    )
+def by_numpy(errors: CalibrationErrors, points: np.ndarray, used: np.ndarray) -> np.ndarray:
+    """Return the covariances (N, 3, 3) m^2, view by view, with dense matrices."""
+    found = np.zeros((len(points), 3, 3))
+    for n in np.flatnonzero(np.isfinite(points).all(axis=1)):
+        views = []
+        for c, (turn, move) in enumerate(zip(errors.rotations, errors.translations)):
+            local = turn @ points[n] + move
+            plane = local[:2] / local[2]
+            place = (plane - errors.corners[c]) / errors.sizes[c]
+            if local[2] > MIN_DEPTH and (place >= 0.0).all() and (place <= CELLS).all():
+                column, row = np.minimum(place.astype(int), CELLS - 1)
+                terms = errors.tables[c, column, row].reshape(3, 2, 2)
+                error = terms[0] + terms[1] / local[2] + terms[2] / local[2] ** 2
+                slope = (turn[:2] - plane[:, None] * turn[2]) / local[2]
+                views.append((c, error, slope))
+        own = [view for view in views if used[n, view[0]]]
+        views = own if len(own) >= 2 else views
+        if len(views) >= 2:
+            weighted = [(error, errors.focals[c] ** 2 * slope.T, slope) for c, error, slope in views]
+            normal = sum(across @ slope for _, across, slope in weighted)
+            inverse = np.linalg.inv(normal + 1e-9 * np.trace(normal) * np.eye(3))
+            found[n] = inverse @ sum(across @ error @ across.T for error, across, _ in weighted) @ inverse
+    return found
 
 
-def triangulated(cameras: list[Camera], pixels: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """Return points (N, 3) with least squares of pixel errors on the plane, by Gauss-Newton."""
-    points = start.copy()
-    for _ in range(4):
-        normal, right = np.zeros((len(points), 3, 3)), np.zeros((len(points), 3))
-        for camera, own in zip(cameras, pixels):
-            rotation, focal = camera.cam_from_world.rotation, camera.intrinsics.matrix[[0, 1], [0, 1]].mean()
-            local = camera.cam_from_world.apply(points)
-            plane = local[:, :2] / local[:, 2:]
-            slopes = (rotation[:2] - plane[..., None] * rotation[2]) / local[:, 2, None, None]
-            normal += focal**2 * slopes.transpose(0, 2, 1) @ slopes
-            error = camera.intrinsics.undistort(own) - plane
-            right += focal**2 * (slopes.transpose(0, 2, 1) @ error[..., None])[..., 0]
-        points += np.linalg.solve(normal, right[..., None])[..., 0]
-    return points
+@pytest.mark.parametrize("lens", ["brown", "fisheye"])
+def test_the_kernel_gives_the_covariances_of_dense_matrices(lens: str) -> None:
+    """Points on both sides of the cameras and of image borders, missing ones, any views."""
+    errors, rng = CalibrationErrors.of(uncertain_rig(lens).cameras), np.random.default_rng(5)
+    assert errors is not None
+    points = rng.uniform(-5.0, 5.0, (400, 3))
+    points[::17, 1] = np.nan
+    used = rng.random((len(points), 4)) < 0.5
+    expected = by_numpy(errors, points, used)
+    assert 50 < expected.any(axis=(1, 2)).sum() < 350
+    np.testing.assert_allclose(errors.covariances(points, used), expected, rtol=1e-9, atol=1e-18)
 
 
 @pytest.mark.parametrize("lens", ["brown", "fisheye"])

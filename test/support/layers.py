@@ -74,6 +74,8 @@ STANDARD_IMPURE = {"logging", "time", "datetime", "os", "random", "subprocess", 
 IMPURE_CALLS = {"print", "open", "input"}
 # outside of nodes: the only modules that import it
 _NEED = (
+    "calibration.live",
+    "calibration.live_cameras",
     "plans.driver_plan",
     "processes.fork_server",
     "recordings.control",

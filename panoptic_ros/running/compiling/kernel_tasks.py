@@ -29,6 +29,7 @@ from panoptic_ros.continuous.passes import ContinuousPass
 from panoptic_ros.continuous.subjects.passes import SubjectPass
 from panoptic_ros.detection.stage import warm_up as detection
 from panoptic_ros.domain import Occluders
+from panoptic_ros.domain.camera import POSE_AND_MATRIX
 from panoptic_ros.domain.subjects import Subject
 from panoptic_ros.geometry.symmetric import largest_eigenvalue
 from panoptic_ros.graph.build import configure, make_stage, resolve
@@ -40,6 +41,7 @@ from panoptic_ros.kernels import on_compilation
 from panoptic_ros.simulation import SKELETON, Ring, SimulatedScene, Simulation, simulate
 from panoptic_ros.simulation.board_sessions import BoardScene, simulate_board
 from panoptic_ros.simulation.rendering import Studio
+from panoptic_ros.solving.calibration_errors import CalibrationErrors
 from panoptic_ros.stage import StageContext, untold
 
 
@@ -79,6 +81,13 @@ def _calibration() -> None:
     quality_of(calibrate_rig(cameras, [TargetView(*view) for view in session.views], board.points))
 
 
+def _calibration_errors() -> None:
+    """Compile the kernel for rigs whose calibration states a covariance."""
+    camera = _take().rig.cameras[0]
+    unknowns = POSE_AND_MATRIX + len(camera.intrinsics.distortion)
+    CalibrationErrors.of((replace(camera, covariance=1e-6 * np.eye(unknowns)),))
+
+
 def _occluders() -> None:
     """Compile the kernels for rigs with known occluders."""
     triangle = Occluders(np.eye(3), np.array([[0, 1, 2]]))
@@ -115,6 +124,7 @@ TASKS: dict[str, Callable[[], None]] = {
     "patches": partial(_stage, "patches", active=True),
     "flow": partial(_stage, "flow"),
     "occluders": _occluders,
+    "calibration errors": _calibration_errors,
     "detection": detection,
     "all votes": partial(_stage, "voting", explain_away=False),
 }

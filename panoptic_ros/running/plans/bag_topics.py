@@ -79,41 +79,55 @@ def image_streams(
 
 
 def camera_image_streams(bag: BagReader) -> tuple[BagStream, ...]:
-    """Return one stream of images for each camera of a bag without calibration, sorted by camera.
+    """Return one stream of images for each camera of a bag without calibration, see `topics_by_camera`.
+
+    Raises:
+        DataError: if the bag has no images, or two topics belong to one camera.
+    """
+    kinds = {topic: kind for topic, kind in bag.topics.items() if bag.counts[topic]}
+    found = topics_by_camera(kinds, str(bag.path))
+    if not found:
+        there = ", ".join(sorted(bag.topics)) or "no topics"
+        raise DataError(f"{bag.path} has no images; there are {there}")
+    return tuple(BagStream(bag.path, topic, camera, key) for camera, (topic, key) in found.items())
+
+
+def topics_by_camera(kinds: Mapping[str, str], where: str) -> dict[str, tuple[str, str]]:
+    """Return the topic of images and its key in `TOPICS` for each camera, sorted by camera.
 
     The name of a camera is the last word of its namespace that differs between cameras. Topics
     /cam_1/color/image_raw and /cam_2/color/image_raw belong to cam_1 and cam_2. Raw images are preferred to
     compressed ones.
 
+    Args:
+        kinds: Message type by topic.
+        where: Origin of the topics, for the message.
+
     Raises:
-        DataError: if the bag has no images, or two topics belong to one camera.
+        DataError: if two topics belong to one camera.
     """
-    found: dict[tuple[str, ...], BagStream] = {}
+    found: dict[tuple[str, ...], tuple[str, str]] = {}
     for key in reversed(KEYS[1:]):
-        for _, topic in _topics_of([bag], TOPICS[key].message):
+        for topic in (topic for topic, kind in kinds.items() if kind == TOPICS[key].message):
             words = [word for word in topic.split("/") if word]
             words = words[:-1] if words[-1] == "compressed" else words
-            space = tuple(words[:-1] or words)
             if "depth" not in topic and "disparity" not in topic:
-                found[space] = BagStream(bag.path, topic, space[-1], key)
-    if not found:
-        there = ", ".join(sorted(bag.topics)) or "no topics"
-        raise DataError(f"{bag.path} has no images; there are {there}")
+                found[tuple(words[:-1] or words)] = topic, key
     shared = 0
     while (
         len(found) > 1 and len({space[len(space) - 1 - shared : len(space) - shared] for space in found}) == 1
     ):
         shared += 1
-    named: dict[str, BagStream] = {}
-    for space, stream in sorted(found.items()):
+    named: dict[str, tuple[str, str]] = {}
+    for space, (topic, key) in sorted(found.items()):
         name = (space[: len(space) - shared] or space)[-1]
         if name in named:
             raise DataError(
-                f"{bag.path}: topics {named[name].topic} and {stream.topic} belong to one camera {name}; "
+                f"{where}: topics {named[name][0]} and {topic} belong to one camera {name}; "
                 "record one of them"
             )
-        named[name] = replace(stream, camera=name)
-    return tuple(named.values())
+        named[name] = topic, key
+    return named
 
 
 def usable_streams(

@@ -35,6 +35,15 @@ BOARD = Board("checkerboard", 7, 10, 0.06)
 FISHEYE = LensModel(fisheye=True, terms=4)
 CALIBRATED = (5e-3, 3.0, 0.02)  # the same, of lenses that were calibrated before the wand
 EXACT = (1e-6, 1e-3, 1e-6)  # relative focal length, px, distortion: deviations of lenses taken as known
+ERRORS = (
+    Column("rotation_rad", "rotation deg", ".3f", 180.0 / np.pi),
+    Column("position_m", "position mm", ".2f", 1e3),
+    Column("focal", "focal", ".3%"),
+    Column("error_m", "error mm", ".2f", 1e3),
+    Column("predicted_m", "bound mm", ".2f", 1e3),
+    Column("ratio", "error / bound", ".2f"),
+    Column("nees", "NEES / dof", ".2f"),
+)
 
 
 @dataclass(frozen=True)
@@ -57,6 +66,8 @@ CASES = {
     "wand-3": BoardCase(BoardScene(8, 500, all_round=True), wand=parse_wand("wand:0/150/500mm")),
     "webcams": BoardCase(BoardScene(4, 200, smooth=True, lag_s=0.06, jitter_s=0.015), clocks=True),
 }
+LARGE = {"31x300": BoardCase(BoardScene(31, 300))}
+ALL = {**CASES, **LARGE}
 
 
 class Calibration(Study):
@@ -67,13 +78,7 @@ class Calibration(Study):
         Column("program", "program"),
         Column("intrinsics", "intrinsics"),
         Column("failed", "failed", ".0%"),
-        Column("rotation_rad", "rotation deg", ".3f", 180.0 / np.pi),
-        Column("position_m", "position mm", ".2f", 1e3),
-        Column("focal", "focal", ".3%"),
-        Column("error_m", "error mm", ".2f", 1e3),
-        Column("predicted_m", "bound mm", ".2f", 1e3),
-        Column("ratio", "error / bound", ".2f"),
-        Column("nees", "NEES / dof", ".2f"),
+        *ERRORS,
         Column("offset_s", "offset ms", ".2f", 1e3),
         Column("solve_s", "solve s", ".2f"),
     )
@@ -82,22 +87,22 @@ class Calibration(Study):
     @classmethod
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
-        add_cases(parser, CASES)
+        add_cases(parser, CASES, LARGE)
         add_seeds(parser, "0:10")
         add_peers(parser)
 
     def cases(self) -> list[Case]:
         """See `Study`."""
         return [
-            Case(f"{name}, seed {seed}", (name, seed), _cost(CASES[name].scene))
-            for name in known_names(self.options.cases, CASES, "case")
+            Case(f"{name}, seed {seed}", (name, seed), _cost(ALL[name].scene))
+            for name in known_names(self.options.cases, ALL, "case")
             for seed in self.options.seeds
         ]
 
     def measure(self, case: Case, progress: Progress) -> Iterator[Row]:
         """See `Study`."""
         name, seed = case.request
-        chosen = CASES[name]
+        chosen = ALL[name]
         if chosen.wand is not None:
             row = self._wand_row(chosen, chosen.wand, seed)
             yield {**row, "case": name, "seed": seed, "intrinsics": "prior"}

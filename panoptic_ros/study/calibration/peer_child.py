@@ -30,7 +30,7 @@ def main(library: str, inputs: str, outputs: str) -> None:
         with contextlib.redirect_stdout(sys.stderr):
             for _ in range(2):
                 np.random.seed(0)  # aniposelib draws samples
-                found, seconds, note = LIBRARIES[library](given)
+                found, seconds, note = (PEOPLE if "people" in given else BOARD)[library](given)
     except ImportError as error:
         sys.exit(f"not installed: {error}")
     except Exception as error:
@@ -86,12 +86,7 @@ def by_caliscope(given: dict[str, Array]) -> tuple[Cameras, float, str]:
             cameras[k] = api.calibrate_intrinsics(points, camera).camera
     run = api.calibrate_extrinsics(points, api.CameraArray(cameras), constraints)
     seconds = time.perf_counter() - begin
-    posed = run.capture_volume.camera_array.posed_cameras
-    missing = sorted(set(cameras) - set(posed))
-    if missing:
-        raise RuntimeError(f"no pose of cameras {missing}")
-    found = [(own.matrix, own.distortions, own.rotation, own.translation) for _, own in sorted(posed.items())]
-    return found, seconds, "intrinsics not refined" if run.intrinsic_refinement_gated else ""
+    return _posed(run, cameras), seconds, "intrinsics not refined" if run.intrinsic_refinement_gated else ""
 
 
 def by_aniposelib(given: dict[str, Array]) -> tuple[Cameras, float, str]:
@@ -133,7 +128,34 @@ def by_aniposelib(given: dict[str, Array]) -> tuple[Cameras, float, str]:
     return found, seconds, ""
 
 
-LIBRARIES = {"caliscope": by_caliscope, "aniposelib": by_aniposelib}
+def by_caliscope_people(given: dict[str, Array]) -> tuple[Cameras, float, str]:
+    """Calibrate by caliscope from joints of people; the intrinsics are known and stay."""
+    api = importlib.import_module("caliscope.api")
+    frame = importlib.import_module("pandas").DataFrame
+    names = ("sync_index", "cam_id", "object_id", "keypoint_id", "img_loc_x", "img_loc_y")
+    unknown = dict.fromkeys(("obj_loc_x", "obj_loc_y", "obj_loc_z"), np.nan)
+    columns = (*(given[key] for key in ("instants", "cameras", "people", "joints")), *given["pixels"].T)
+    points = api.ImagePoints(frame({**dict(zip(names, columns)), **unknown}))
+    cameras = {
+        k: api.CameraData(cam_id=k, size=tuple(map(int, size))) for k, size in enumerate(given["sizes"])
+    }
+    for k, camera in cameras.items():
+        camera.matrix, camera.distortions = known_lens(given, k)
+    begin = time.perf_counter()
+    run = api.calibrate_extrinsics(points, api.CameraArray(cameras), None, refine_intrinsics=False)
+    return _posed(run, cameras), time.perf_counter() - begin, ""
+
+
+def _posed(run: Any, cameras: dict[int, Any]) -> Cameras:
+    """Return the cameras of a run of caliscope; an error names those without a pose."""
+    posed = run.capture_volume.camera_array.posed_cameras
+    missing = sorted(set(cameras) - set(posed))
+    if missing:
+        raise RuntimeError(f"no pose of cameras {missing}")
+    return [(own.matrix, own.distortions, own.rotation, own.translation) for _, own in sorted(posed.items())]
+
+
+BOARD, PEOPLE = {"caliscope": by_caliscope, "aniposelib": by_aniposelib}, {"caliscope": by_caliscope_people}
 
 if __name__ == "__main__":
     main(*sys.argv[1:])

@@ -7,7 +7,7 @@ import os
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,6 +22,7 @@ from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.errors import EnvironmentProblem, UserError
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.io.loading import file_errors, parsing
+from panoptic_ros.simulation.people_sessions import TrueJoints
 from panoptic_ros.study.calibration import peer_child
 from panoptic_ros.study.child import ONE_THREAD, answer_of
 
@@ -75,8 +76,8 @@ def add_peers(parser: argparse.ArgumentParser) -> None:
         "--peers",
         type=_interpreter,
         metavar="PYTHON",
-        help=f"Python interpreter of an environment with {' or '.join(peer_child.LIBRARIES)}; they calibrate "
-        "from the same corners",
+        help=f"Python interpreter of an environment with {' or '.join(peer_child.BOARD)}; they calibrate "
+        "from the same 2D points",
     )
 
 
@@ -103,14 +104,39 @@ def with_known_lens(camera: CameraInput, lens: Intrinsics, sd: tuple[float, floa
 
 def attempts(problem: Problem, python: str) -> Iterator[Attempt]:
     """Yield the calibration by each library; a library that fails gives the reason."""
-    for library in peer_child.LIBRARIES:
+    return _attempts(peer_child.BOARD, problem.cameras, _tables(problem), python)
+
+
+def attempts_from_people(rig: Rig, joints: TrueJoints, python: str) -> Iterator[Attempt]:
+    """Yield the calibration by each library from the same joints as `attempts`, with the lenses of the rig.
+
+    The libraries do not associate people, so they receive the true association.
+    """
+    cameras = [CameraInput(camera.name, camera.image_size) for camera in rig.cameras]
+    tables = {
+        "sizes": np.array([camera.size for camera in cameras]),
+        "fisheye": np.array([camera.intrinsics.lens == "fisheye" for camera in rig.cameras]),
+        "cameras": joints.camera,
+        "instants": joints.frame,
+        "people": joints.person,
+        "joints": joints.joint,
+        "pixels": joints.pixels,
+        **_lens_tables([camera.intrinsics for camera in rig.cameras]),
+    }
+    return _attempts(peer_child.PEOPLE, cameras, tables, python)
+
+
+def _attempts(
+    libraries: Iterable[str], cameras: Sequence[CameraInput], tables: dict[str, Any], python: str
+) -> Iterator[Attempt]:
+    for library in libraries:
         try:
-            yield _calibrated(problem, library, python)
+            yield _calibrated(cameras, tables, library, python)
         except UserError as error:
             yield Attempt(library, None, None, str(error))
 
 
-def _calibrated(problem: Problem, library: str, python: str) -> Attempt:
+def _calibrated(cameras: Sequence[CameraInput], tables: dict[str, Any], library: str, python: str) -> Attempt:
     """Calibrate in a child process.
 
     Raises:
@@ -119,7 +145,7 @@ def _calibrated(problem: Problem, library: str, python: str) -> Attempt:
     """
     with tempfile.TemporaryDirectory() as folder:
         inputs, outputs = Path(folder) / "in.npz", Path(folder) / "out.npz"
-        np.savez(inputs, **_tables(problem))
+        np.savez(inputs, **tables)
         command = [python, str(Path(peer_child.__file__)), library, str(inputs), str(outputs)]
         try:
             with file_errors(Path(python), "run"):
@@ -135,7 +161,7 @@ def _calibrated(problem: Problem, library: str, python: str) -> Attempt:
             raise EnvironmentProblem(f"{library} takes more than {LONGEST_S:g} s") from None
         answer_of(done, library)
         with parsing(f"answer of {library}", EnvironmentProblem), np.load(outputs) as found:
-            rig = _rig(problem.cameras, found)
+            rig = _rig(cameras, found)
             return Attempt(library, rig, float(found["seconds"]), str(found["note"]))
 
 
@@ -155,14 +181,18 @@ def _tables(problem: Problem) -> dict[str, Any]:
         "numbers": np.concatenate([view.numbers for view in views]),
         "pixels": np.concatenate([view.pixels for view in views]),
     }
-    if problem.lenses is not None:
-        least = FISHEYE_TERMS if all(fisheye) else BROWN_TERMS
-        terms = max(least, *(len(lens.distortion) for lens in problem.lenses))
-        tables["matrices"] = np.stack([lens.matrix for lens in problem.lenses])
-        tables["distortions"] = np.stack(
-            [np.pad(lens.distortion, (0, terms - len(lens.distortion))) for lens in problem.lenses]
-        )
-    return tables
+    return tables if problem.lenses is None else {**tables, **_lens_tables(problem.lenses)}
+
+
+def _lens_tables(lenses: Sequence[Intrinsics]) -> dict[str, Any]:
+    least = FISHEYE_TERMS if all(lens.lens == "fisheye" for lens in lenses) else BROWN_TERMS
+    terms = max(least, *(len(lens.distortion) for lens in lenses))
+    return {
+        "matrices": np.stack([lens.matrix for lens in lenses]),
+        "distortions": np.stack(
+            [np.pad(lens.distortion, (0, terms - len(lens.distortion))) for lens in lenses]
+        ),
+    }
 
 
 def _rig(cameras: Sequence[CameraInput], found: np.lib.npyio.NpzFile) -> Rig:

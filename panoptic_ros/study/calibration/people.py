@@ -14,7 +14,7 @@ import numpy as np
 from panoptic_ros.calibration.projection import OFFSET, POSE
 from panoptic_ros.calibration.quality import space_of
 from panoptic_ros.domain import Rig
-from panoptic_ros.errors import CalibrationError
+from panoptic_ros.errors import CalibrationError, UsageError
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.geometry.rotations import vectors_of
 from panoptic_ros.io.plain_formats import write_skeletons
@@ -28,6 +28,7 @@ from panoptic_ros.simulation.rigs import Corners, Ring
 from panoptic_ros.simulation.skeleton import SKELETON
 from panoptic_ros.stage import Progress
 from panoptic_ros.study.calibration.alignment import Similarity, similarity, triangulated
+from panoptic_ros.study.calibration.peers import OWN, add_peers, attempts_from_people
 from panoptic_ros.study.options import add_cases, add_seeds, known_names
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
@@ -55,6 +56,7 @@ class CalibrationPeople(Study):
 
     columns = (
         Column("case", "case"),
+        Column("program", "program"),
         Column("failed", "failed", ".0%"),
         Column("rotation_rad", "rotation deg", ".3f", 180.0 / np.pi),
         Column("position_m", "position mm", ".2f", 1e3),
@@ -70,7 +72,7 @@ class CalibrationPeople(Study):
         Column("given_pcp", "PCP given", ".2f"),
         Column("solve_s", "solve s", ".1f"),
     )
-    over = ("case",)
+    over = ("case", "program")
 
     @classmethod
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
@@ -84,10 +86,13 @@ class CalibrationPeople(Study):
         )
         parser.add_argument("--seconds", type=float, help="duration of the recordings; default 5")
         add_seeds(parser, "0:5")
+        add_peers(parser)
 
     def cases(self) -> list[Case]:
         """See `Study`."""
         if self.options.capture:
+            if self.options.peers:
+                raise UsageError("libraries need the true association of people; omit --peers or --capture")
             return [Case(str(self.options.capture), None, 60.0)]
         return [
             Case(f"{name}, seed {seed}", (name, seed), CASES[name].seconds * len(CASES[name].activities))
@@ -105,23 +110,24 @@ class CalibrationPeople(Study):
         if self.options.seconds:
             scene = replace(scene, seconds=self.options.seconds)
         session = simulate_people(scene, seed)
+        row: Row = {"case": name, "seed": seed, "failed": 1.0}
         begin = time.perf_counter()
         try:
             found = calibrate_views(
                 session.rig, session.views, SKELETON, progress, synchronous=name.endswith(UNSOLVED)
             )
         except CalibrationError:
-            yield {"case": name, "seed": seed, "failed": 1.0}
-            return
-        spent = time.perf_counter() - begin
-        yield {
-            "case": name,
-            "seed": seed,
-            "failed": 0.0,
-            "solve_s": spent,
-            **_camera_errors(found, session.rig, _grid()),
-            **_session_errors(found, session),
-        }
+            yield {**row, "program": OWN}
+        else:
+            row |= {"program": OWN, "failed": 0.0, "solve_s": time.perf_counter() - begin}
+            yield {**row, **_own_errors(found, session.rig, _grid()), **_session_errors(found, session)}
+        python = self.options.peers
+        for peer in attempts_from_people(session.rig, session.joints, python) if python else ():
+            row = {"case": name, "seed": seed, "program": peer.program, "failed": float(peer.rig is None)}
+            if peer.rig is not None:
+                errors = camera_errors(peer.rig, session.rig, _grid())
+                row |= {"solve_s": peer.solve_s, **errors, "joints": _joint_ratio(peer.rig, session)}
+            yield row
 
     def _recorded(self, progress: Progress) -> Row:
         known, views, skeleton, _ = read_views(self.options.capture, None, progress)
@@ -135,9 +141,10 @@ class CalibrationPeople(Study):
         return {
             **_limbs(self.options.capture, {"pcp": placed, "given_pcp": known}),
             "case": self.options.capture.name,
+            "program": OWN,
             "failed": 0.0,
             "solve_s": spent,
-            **_camera_errors(found, known, points),
+            **_own_errors(found, known, points),
             "offset_s": float(np.ptp(found.solved.rig.state.cameras.offsets)),
         }
 
@@ -148,7 +155,7 @@ class CalibrationPeople(Study):
             "known.\nError: root mean square, in the space of people, of points triangulated from exact "
             "pixels, after similarity.\nJoints: error of triangulated joints over that with the true "
             "cameras. Lag: clocks off by up to 17 ms.\nBias: constant errors of 15 mm per joint, person, "
-            "camera and axis."
+            "camera and axis. Other libraries (--peers) receive the true association, as they find none."
         )
 
 
@@ -202,29 +209,37 @@ def _aligned(found: Rig, truth: Rig, points: Array) -> tuple[Similarity, Array]:
     return aligned, errors
 
 
-def _camera_errors(found: PeopleCalibration, truth: Rig, points: Array) -> Row:
-    """Return the errors of the cameras.
+def _own_errors(found: PeopleCalibration, truth: Rig, points: Array) -> Row:
+    """Return the errors of `camera_errors`, the predicted one, and that of the up direction."""
+    aligned, _ = _aligned(found.rig, truth, points)
+    up = aligned.rotation[:, 2]
+    return {
+        **camera_errors(found.rig, truth, points),
+        "predicted_m": found.quality.rig.error_m,
+        "up_rad": float(np.arccos(np.clip(up[2], -1.0, 1.0))),
+        "scale": abs(1.0 / aligned.factor - 1.0),
+    }
+
+
+def camera_errors(found: Rig, truth: Rig, points: Array) -> Row:
+    """Return the errors of cameras after a similarity.
 
     Args:
         points: (N, 3) m in the frame of the truth, of the space in which people walk.
     """
-    aligned, errors = _aligned(found.rig, truth, points)
+    aligned, errors = _aligned(found, truth, points)
     turns = [
         t.cam_from_world.rotation @ aligned.rotation @ f.cam_from_world.rotation.T
-        for f, t in zip(found.rig.cameras, truth.cameras)
+        for f, t in zip(found.cameras, truth.cameras)
     ]
-    centres = aligned.apply(np.stack([camera.centre for camera in found.rig.cameras]))
+    centres = aligned.apply(np.stack([camera.centre for camera in found.cameras]))
     apart = np.linalg.norm(centres - np.stack([camera.centre for camera in truth.cameras]), axis=1)
-    up = aligned.rotation[:, 2]
     angles = np.linalg.norm(vectors_of(np.ascontiguousarray(np.stack(turns))), axis=1)
     return {
         "rotation_rad": float(np.median(angles)),
         "position_m": float(np.median(apart)),
         "error_m": float(np.sqrt((errors**2).mean())),
         "worst_m": float(np.percentile(errors, 95.0)),
-        "predicted_m": found.quality.rig.error_m,
-        "up_rad": float(np.arccos(np.clip(up[2], -1.0, 1.0))),
-        "scale": abs(1.0 / aligned.factor - 1.0),
     }
 
 

@@ -1,4 +1,4 @@
-"""Viewer page as one self-contained HTML document, either served or saved as a file with embedded data."""
+"""Pages as self-contained HTML documents, either served or saved as a file with embedded data."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ STATIC = Path(__file__).parent / "static"
 _DATA = "<!-- data -->"
 
 
-def page(data: Mapping[str, Any] | None = None) -> bytes:
+VIEWER, GUIDE = "index.html", "guide.html"  # page of results and graphs, and of the calibration guide
+
+
+def page(data: Mapping[str, Any] | None = None, name: str = VIEWER) -> bytes:
     """Return the HTML document, UTF-8.
 
     An import map embeds all JavaScript modules, because a page opened from a file may not load others.
@@ -20,8 +23,9 @@ def page(data: Mapping[str, Any] | None = None) -> bytes:
     Args:
         data: Data of a page without a server: `facts`, `health` and `blocks` (base64). None makes the page
             request data from the server that delivered it.
+        name: `VIEWER` or `GUIDE`.
     """
-    html = (STATIC / "index.html").read_text()
+    html = (STATIC / name).read_text()
     html = html.replace("/* style */", (STATIC / "style.css").read_text())
     html = html.replace("<!-- modules -->", f'<script type="importmap">{json.dumps(_import_map())}</script>')
     text = "" if data is None else _script(data)

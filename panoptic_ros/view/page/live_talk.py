@@ -1,4 +1,4 @@
-"""WebSocket protocol between the server and one page of a live graph.
+"""WebSocket protocol between the server and one page of a live graph or of the calibration guide.
 
 Text frames are JSON. The server sends `facts` first, then `health` twice a second. The page sends `{"drawn":
 n}` after it has drawn a packet, and `{"keys": [...]}` to choose topics of layers.
@@ -7,22 +7,48 @@ n}` after it has drawn a packet, and `{"keys": [...]}` to choose topics of layer
 from __future__ import annotations
 
 import asyncio
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
 
 from websockets.asyncio.server import ServerConnection
 
-from panoptic_ros.view.page.live import LiveScene
-from panoptic_ros.view.page.packets import PacketKind, pack
+from panoptic_ros.view.page.live import Client
+from panoptic_ros.view.page.packets import PacketKind, PageMessage, pack
 from panoptic_ros.view.page.server import as_json, asked_by, seconds
 
 HEALTH_S = 0.5
 WAITING = {"type": "waiting", "text": "waiting for /rig and /skeleton_model of a running graph"}
 
 
+class ServedScene(Protocol):
+    """Scene that a page shows while it changes, see `LiveScene`."""
+
+    def facts(self) -> dict[str, Any] | None:
+        """Return the first document, or None before it is known."""
+
+    def state(self, client: Client, now_s: float) -> Mapping[str, Any]:
+        """Return the document that is sent twice a second."""
+
+    def attach(self, wake: Callable[[], None]) -> Client:
+        """Add a page."""
+
+    def detach(self, client: Client) -> None:
+        """Remove a page."""
+
+    def collect(self, client: Client) -> list[PageMessage] | None:
+        """Return the messages to send to a page now, or None."""
+
+    def drawn(self, client: Client) -> None:
+        """Record that a page has drawn a packet."""
+
+    def choose(self, client: Client, keys: Sequence[str]) -> None:
+        """Set the topics that a page shows."""
+
+
 class LiveTalk:
     """Sender of a live scene's messages to one page, no faster than the page draws."""
 
-    def __init__(self, scene: LiveScene):
+    def __init__(self, scene: ServedScene):
         self._scene = scene
 
     async def __call__(self, connection: ServerConnection) -> None:

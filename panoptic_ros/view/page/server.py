@@ -35,12 +35,13 @@ class PageServer:
         talk: Coroutine that serves one WebSocket.
         host: Address to listen on.
         port: TCP port, 0 for any free one.
+        document: The page; None = that of the viewer.
     """
 
-    def __init__(self, talk: Talk, host: str = "127.0.0.1", port: int = 0):
+    def __init__(self, talk: Talk, host: str = "127.0.0.1", port: int = 0, document: bytes | None = None):
         self._talk, self._host, self._port = talk, host, port
         self._access = Access(host)
-        self._zipped = gzip.compress(page(), 6, mtime=0)
+        self._zipped = gzip.compress(document or page(), 6, mtime=0)
 
     @asynccontextmanager
     async def listening(self) -> AsyncIterator[str]:
@@ -77,7 +78,7 @@ class PageServer:
         if self._access.is_foreign(request.headers):
             return _response(403, "Forbidden", b"another site asked for this")
         if not self._access.has_token(request.path):
-            return _response(403, "Forbidden", b"the address lacks the token that `panoptic view` printed")
+            return _response(403, "Forbidden", b"the address lacks the token that `panoptic` printed")
         if address.path == "/data":
             return None
         if address.path != "/":

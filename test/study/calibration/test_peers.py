@@ -16,9 +16,11 @@ from panoptic_ros.geometry import Rigid
 from panoptic_ros.geometry.rotations import rotations_of
 from panoptic_ros.io.rigs import write_rig
 from panoptic_ros.simulation.board_sessions import BoardScene, simulate_board
+from panoptic_ros.simulation.people_sessions import PeopleScene, simulate_people
+from panoptic_ros.simulation.rigs import Ring
 from panoptic_ros.study.calibration import peer_child, peers
 from panoptic_ros.study.calibration.boards import BOARD, CASES, BoardCase, camera_errors
-from panoptic_ros.study.calibration.peers import Problem, attempts
+from panoptic_ros.study.calibration.peers import Problem, attempts, attempts_from_people
 
 # The world of a library is turned and moved against that of the truth.
 ELSEWHERE = Rigid(rotations_of(np.array([[0.3, -0.2, 0.5]]))[0], np.array([0.4, -1.0, 2.0]))
@@ -89,7 +91,7 @@ def test_a_library_that_fails_gives_the_reason(monkeypatch, tmp_path, code, reas
 
 def test_a_library_that_is_not_installed_is_named(monkeypatch, tmp_path):
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    for name in peer_child.LIBRARIES:
+    for name in peer_child.BOARD:
         (tmp_path / f"{name}.py").write_text(f"raise ModuleNotFoundError('no {name}')")
     session = simulate_board(BoardScene(2, 3), BOARD.points, 0)
     for one in attempts(problem_of(session), sys.executable):
@@ -193,6 +195,58 @@ def test_libraries_receive_every_corner_the_board_and_known_lenses(monkeypatch, 
             assert camera.intrinsics.distortion == pytest.approx(true.distortion if given else np.ones(5))
 
 
+PEOPLE_STUBS = {
+    "pandas.py": """
+        def DataFrame(columns):
+            return columns
+    """,
+    "caliscope/api.py": """
+        from types import SimpleNamespace as CameraData
+        import numpy as np
+        def ImagePoints(table):
+            return table
+        def CameraArray(cameras):
+            return cameras
+        def calibrate_extrinsics(table, cameras, constraints, refine_intrinsics):
+            assert constraints is None and not refine_intrinsics and np.isnan(table["obj_loc_x"])
+            for k, camera in cameras.items():
+                own = table["cam_id"] == k
+                keys = [table[name][own] for name in ("sync_index", "object_id", "keypoint_id")]
+                assert len(np.unique(keys, axis=1)[0]) == own.sum()
+                camera.rotation = np.eye(3)
+                camera.translation = np.array([own.sum(), table["img_loc_x"][own].sum(), k])
+            posed = CameraData(posed_cameras=cameras)
+            return CameraData(capture_volume=CameraData(camera_array=posed))
+    """,
+}
+
+
+def test_a_library_for_people_receives_every_true_joint_and_known_lenses(monkeypatch, tmp_path):
+    for name, text in PEOPLE_STUBS.items():
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(dedent(text))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setattr("panoptic_ros.domain.camera.FARTHEST", 1e9)  # the stubs return sums of pixels as t
+    session = simulate_people(PeopleScene(Ring(3), seconds=0.2), 0)
+    joints = session.joints
+    sums = np.array(
+        [[own.sum(), joints.pixels[own, 0].sum(), k] for k in range(3) for own in [joints.camera == k]]
+    )
+    (found,) = attempts_from_people(session.rig, joints, sys.executable)
+    assert found.program == "caliscope" and found.note == ""
+    for k, camera in enumerate(found.rig.cameras):
+        assert camera.cam_from_world.translation == pytest.approx(sums[k] - sums[0])
+        assert camera.intrinsics.matrix == pytest.approx(session.rig.cameras[k].intrinsics.matrix)
+
+
+def test_the_study_of_people_has_rows_of_all_programs(monkeypatch, tmp_path):
+    library(monkeypatch, tmp_path, "sys.exit('no luck')")
+    words = f"--cases 4 --seconds 2 --seeds 0 --peers {sys.executable}"
+    rows = run_named("calibration-people", words)["rows"]
+    assert [(row["program"], row["failed"]) for row in rows] == [("panoptic", 0.0), ("caliscope", 1.0)]
+
+
 def test_the_study_of_simulated_boards_has_rows_of_all_programs(monkeypatch, tmp_path):
     monkeypatch.setitem(CASES, "4x60", BoardCase(BoardScene(3, 25)))
     library(
@@ -254,3 +308,6 @@ def test_wrong_options_end_in_one_line(tmp_path, capsys):
     words = ["study", "calibration-sessions", "--session", str(folder), "--board", "aprilgrid:3x3:50mm"]
     assert main([*words, "--peers", sys.executable]) == 2
     assert "charuco and checkerboard boards; omit --peers" in capsys.readouterr().err
+    words = ["study", "calibration-people", "--capture", str(folder), "--peers", sys.executable]
+    assert main(words) == 2
+    assert "omit --peers or --capture" in capsys.readouterr().err
