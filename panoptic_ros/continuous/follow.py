@@ -29,7 +29,7 @@ from panoptic_ros.solving.frames import CameraFrame
 
 Array = np.ndarray
 GATE = 3.5  # standard deviations, mean distance up to which a 2D person may belong to a person
-# factor on SIGMA of 2D people that fit somebody else as well. With 4, people who embrace change places; with
+# factor on SIGMA of 2D people that fit another person as well. With 4, people who embrace change places; with
 # no update, their tracks drift apart
 UNSURE = 8.0
 MEMORY_S = 0.5  # s without a view after which a person has left
@@ -117,7 +117,7 @@ class ViewTrack:
 
         Args:
             mirror: (J,) joint on the other side of each joint, if left and right are exchanged.
-            unsure: the 2D person fits somebody else as well, and moves the filters little.
+            unsure: the 2D person fits another person as well, and moves the filters little.
         """
         plane, known = frame.plane[person].copy(), frame.scores[person] > 0.0
         if mirror is not None:
