@@ -49,16 +49,19 @@ def example_sets(rig: Rig, skeleton: SkeletonModel) -> Iterator[ProposalSet]:
 
     The ways are bones, 2D poses, guidance, parts and nodes. The instants have, in this order:
 
-    * one view;
+    * one view, without one joint;
     * several views without score maps;
     * several views with score maps, nodes and parts of the cloud, and further nodes beside it.
     """
     _, few = easy_associations(rig.subset(rig.names[:2]), skeleton)
     member, lengths = few.groups.member.copy(), np.full((1, len(skeleton.bones)), np.nan)
     member[:, 1:] = -1
+    scores = few.evidence.scores.copy()
+    scores[:, 0] = 0.0  # prediction and bones complete a tracked person
     yield ProposalSet.of_nothing(
         replace(
             few,
+            evidence=replace(few.evidence, scores=scores),
             groups=replace(few.groups, member=member),
             prediction=replace(few.prediction, lengths=lengths),
         )
