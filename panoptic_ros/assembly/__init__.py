@@ -12,8 +12,8 @@ refined by minimising the reprojection error. There are two methods:
 The final solve chooses the observations of each joint by truncated cost, and minimises the reprojection error
 with Cauchy weights. It uses the left and right sides that association decided, and reports how many views see
 each limb with exchanged sides. Each joint has a covariance. The noise of 2D joints is learnt online from
-residuals. Predictions influence choices only: positions depend on the images of this instant alone. People
-whom one or two views show are the exception (`few_views`).
+residuals. Predictions influence choices only: positions depend on the images of this instant alone. Joints
+that would be missing are the exception (`completion`).
 
 Input: `ProposalSet`; its `detections` are sufficient. Output: one `PoseSet` for each. Limits: new people need
 two views. Residuals do not show biases of a detector: a `bias_table` removes known ones, and

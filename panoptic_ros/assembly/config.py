@@ -123,8 +123,8 @@ class AssemblyConfig(Config):
         unit="m",
         ge=0.0,
         le=1.0,
-        doc="Standard deviation (largest axis) up to which bone lengths place joints of people in one or "
-        "two views, if more views saw the people before; 0 = never.",
+        doc="Standard deviation (largest axis) up to which predictions and bone lengths place missing "
+        "joints of tracked people; 0 = never.",
     )
     covariance_inflation: float = param(
         0.8, ge=0.0, le=10.0, doc="Inflation of covariances, which grow by 1 + this / (views - 1)."

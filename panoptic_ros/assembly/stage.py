@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from panoptic_ros.assembly.borders import artefacts, border_odds
+from panoptic_ros.assembly.completion import CandidateObservations, hold_people, place_joints
 from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.assembly.few_views import CandidateObservations, hold_people, place_joints
 from panoptic_ros.assembly.judgement import (
     FEW_VIEWS,
     AcceptanceCriteria,
@@ -49,16 +49,19 @@ def example_sets(rig: Rig, skeleton: SkeletonModel) -> Iterator[ProposalSet]:
 
     The ways are bones, 2D poses, guidance, parts and nodes. The instants have, in this order:
 
-    * one view;
+    * one view, without one joint;
     * several views without score maps;
     * several views with score maps, nodes and parts of the cloud, and further nodes beside it.
     """
     _, few = easy_associations(rig.subset(rig.names[:2]), skeleton)
     member, lengths = few.groups.member.copy(), np.full((1, len(skeleton.bones)), np.nan)
     member[:, 1:] = -1
+    scores = few.evidence.scores.copy()
+    scores[:, 0] = 0.0  # prediction and bones complete a tracked person
     yield ProposalSet.of_nothing(
         replace(
             few,
+            evidence=replace(few.evidence, scores=scores),
             groups=replace(few.groups, member=member),
             prediction=replace(few.prediction, lengths=lengths),
         )
@@ -253,9 +256,11 @@ class AssemblyStage(Stateful):
         joints.derive(self._skeleton)
         kept = kept_people(joints, good, member)
         own, placed = selected(joints, kept), np.zeros((len(kept), len(self._skeleton)), bool)
-        few, prediction = few[found.who[few] >= 0], item.association.prediction
-        if config.held_sigma > 0.0 and len(few) and prediction.lengths.shape[1] == len(self._body.bones):
-            people, worst = (few, kept, own), config.held_sigma
+        complete = kept[np.isfinite(own.positions[..., 0]).all(axis=1)]
+        tracked = np.setdiff1d(np.flatnonzero((shown > 0) & (found.who >= 0)), complete)
+        prediction = item.association.prediction
+        if config.held_sigma > 0.0 and len(tracked) and prediction.lengths.shape[1] == len(self._body.bones):
+            people, worst = (tracked, kept, own), config.held_sigma
             shows = CandidateObservations.of(scene, found, tails)
             kept, own, placed = hold_people(people, scene, shows, prediction, self._body, worst)
         sources = view_sources(item.detections, scene.evidence, found, solved, kept)

@@ -50,10 +50,13 @@ class BoardDetector:
     Args:
         board: the board.
         appearances: appearances to try, in this order.
+
+    Attributes:
+        partial: Numbers of corners and of markers in the last image, if it gave no view.
     """
 
     def __init__(self, board: Board, appearances: tuple[BoardAppearance, ...] = APPEARANCES):
-        self.board = board
+        self.board, self.partial = board, (0, 0)
         self._order = list(appearances if board.kind != "checkerboard" else APPEARANCES[:1])
         if board.kind == "checkerboard":
             return
@@ -72,11 +75,14 @@ class BoardDetector:
 
         The appearance of the last view is tried first.
         """
+        self.partial = 0, 0
         for appearance in tuple(self._order):
             seen = 255 - image if appearance.inverted else image
             seen = np.ascontiguousarray(seen[:, ::-1]) if appearance.mirrored else seen
-            numbers, pixels, repeated = self._found(seen)
+            numbers, pixels, markers = self._found(seen)
+            repeated = _repeated(markers)
             if repeated < REPEATED and len(numbers) < FEWEST:
+                self.partial = max(self.partial, (len(numbers), len(markers)))
                 continue
             if appearance.mirrored:
                 pixels[:, 0] = image.shape[1] - 1 - pixels[:, 0]
@@ -85,44 +91,43 @@ class BoardDetector:
             return BoardSight(numbers, pixels, appearance, repeated if repeated >= REPEATED else 0)
         return None
 
-    def _found(self, image: Array) -> tuple[Array, Array, int]:
-        """Return numbers, refined pixels, and the number of repeated markers; without points if enough."""
+    def _found(self, image: Array) -> tuple[Array, Array, Array]:
+        """Return numbers, refined pixels, and markers (L,); without points if there are two boards."""
         find = {"charuco": self._charuco_corners, "checkerboard": self._corners, "aprilgrid": self._tags}
-        numbers, pixels, repeated = find[self.board.kind](image)
-        if repeated >= REPEATED:
-            return *NOTHING, repeated
+        numbers, pixels, markers = find[self.board.kind](image)
+        if _repeated(markers) >= REPEATED:
+            return *NOTHING, markers
         inside = (pixels >= 0.0).all(axis=1) & (pixels <= np.array(image.shape[1::-1]) - 1).all(axis=1)
-        if inside.sum() < FEWEST:
-            return *NOTHING, repeated
         order = np.argsort(numbers[inside])
-        return numbers[inside][order], _refined(image, pixels[inside][order]), repeated
+        numbers, pixels = numbers[inside][order], pixels[inside][order]
+        return numbers, _refined(image, pixels) if len(pixels) >= FEWEST else pixels, markers
 
-    def _charuco_corners(self, image: Array) -> tuple[Array, Array, int]:
+    def _charuco_corners(self, image: Array) -> tuple[Array, Array, Array]:
         corners, ids, _, markers = self._charuco.detectBoard(image)
-        return *_arrays(ids, corners), _repeated(markers)
+        return *_arrays(ids, corners), NOTHING[0] if markers is None else markers.reshape(-1)
 
-    def _corners(self, image: Array) -> tuple[Array, Array, int]:
+    def _corners(self, image: Array) -> tuple[Array, Array, Array]:
         size = (self.board.columns, self.board.rows)
         found, corners = cv2.findChessboardCornersSB(image, size, flags=cv2.CALIB_CB_ACCURACY)
-        return *(_arrays(np.arange(size[0] * size[1]), corners) if found else NOTHING), 0
+        return *(_arrays(np.arange(size[0] * size[1]), corners) if found else NOTHING), NOTHING[0]
 
-    def _tags(self, image: Array) -> tuple[Array, Array, int]:
+    def _tags(self, image: Array) -> tuple[Array, Array, Array]:
         corners, ids, _ = self._markers.detectMarkers(image)
         if ids is None:
-            return *NOTHING, 0
+            return *NOTHING, NOTHING[0]
         tags = ids.reshape(-1)
         count = self.board.columns * self.board.rows
         known = [(tag, np.reshape(own, (4, 2))) for tag, own in zip(tags, corners) if 0 <= tag < count]
         once = [(tag, own) for tag, own in known if np.sum(tags == tag) == 1]
         if len(once) < 2:
-            return *NOTHING, _repeated(tags)
+            return *NOTHING, tags
         pixels = np.concatenate([own for _, own in once]).astype(np.float64)
         # OpenCV before version 5 has tags turned by half a turn against AprilTag's own images
         numbered = [
             np.concatenate([4 * tag + np.roll(np.arange(4), turn) for tag, _ in once]) for turn in (0, 2)
         ]
         losses = [_homography_loss(self.board.points[numbers, :2], pixels) for numbers in numbered]
-        return *_arrays(numbered[int(np.argmin(losses))], pixels), _repeated(tags)
+        return *_arrays(numbered[int(np.argmin(losses))], pixels), tags
 
 
 def _arrays(numbers: Array | None, pixels: Array | None) -> tuple[Array, Array]:
@@ -131,10 +136,8 @@ def _arrays(numbers: Array | None, pixels: Array | None) -> tuple[Array, Array]:
     return np.asarray(numbers, np.int64).reshape(-1), np.asarray(pixels, np.float64).reshape(-1, 2)
 
 
-def _repeated(markers: Array | None) -> int:
+def _repeated(markers: Array) -> int:
     """Return the number of markers that are seen more than once."""
-    if markers is None:
-        return 0
     return int((np.unique(markers, return_counts=True)[1] > 1).sum())
 
 

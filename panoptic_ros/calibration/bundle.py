@@ -101,8 +101,8 @@ class Adjustment:
 
     Args:
         shifts: (V,) s, time shift of each view.
-        cost: sum of the losses, of the priors and of the shifts.
-        steps: number of accepted steps.
+        cost: Sum of the losses, of the priors and of the shifts.
+        steps: Number of accepted steps.
         damping: Relative damping of the next step. Rounds continue with that of the round before.
     """
 

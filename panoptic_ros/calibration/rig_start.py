@@ -86,18 +86,10 @@ def start_rig(
     if turns:
         views = consistent_numbers(views, poses, known, points, turns)
         poses = poses_of(views, points, intrinsics)
-    starts = [one_camera(c.size, float(lens[0]), c.model, c.known) for c, lens in zip(cameras, lenses)]
-    states = CameraStates(
-        *(np.concatenate([getattr(start, name) for start in starts]) for name in CameraStates.__annotations__)
-    )
-    free = states.free.copy()
-    free[1:, :POSE] = True
     states = replace(
-        states,
-        lenses=np.stack(lenses),
+        free_cameras(cameras, lenses),
         rotations=np.stack([pose.rotation for pose in known]),
         translations=np.stack([pose.translation for pose in known]),
-        free=free,
     )
     instants = sorted({view.instant for view, own in zip(views, poses) if own})
     number = {instant: n for n, instant in enumerate(instants)}
@@ -108,6 +100,19 @@ def start_rig(
     state = Adjustment(states, first, np.zeros(len(seen.cameras)))
     supports = {pair: support for pair, (_, support) in links.items()}
     return RigStart(used, with_best_targets(seen, state, candidates, 1.0), candidates, supports)
+
+
+def free_cameras(cameras: Sequence[CameraInput], lenses: Sequence[Array]) -> CameraStates:
+    """Return cameras at the origin with free lenses, each (12,).
+
+    Poses are free, but for that of the first camera.
+    """
+    starts = [one_camera(c.size, float(lens[0]), c.model, c.known) for c, lens in zip(cameras, lenses)]
+    states = CameraStates(
+        *(np.concatenate([getattr(start, name) for start in starts]) for name in CameraStates.__annotations__)
+    )
+    states.free[1:, :POSE] = True
+    return replace(states, lenses=np.stack(lenses))
 
 
 def _lens(number: int, camera: CameraInput, views: Sequence[TargetView], points: Array) -> Array:

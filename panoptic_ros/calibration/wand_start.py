@@ -7,11 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from panoptic_ros.calibration.bundle import Adjustment, CameraStates, Targets
+from panoptic_ros.calibration.bundle import Adjustment, Targets
 from panoptic_ros.calibration.essential import epipolar_residuals, fitted_essential, relative_pose
-from panoptic_ros.calibration.lens_start import one_camera
-from panoptic_ros.calibration.projection import POSE
-from panoptic_ros.calibration.rig_start import CameraInput, RigStart
+from panoptic_ros.calibration.rig_start import CameraInput, RigStart, free_cameras
 from panoptic_ros.calibration.target_poses import intrinsics_of, pose_table, spanning_tree
 from panoptic_ros.calibration.target_views import TargetView, in_order, observations_of
 from panoptic_ros.errors import CalibrationError
@@ -73,17 +71,10 @@ def start_wand(cameras: Sequence[CameraInput], views: Sequence[TargetView], poin
         )
     poses = [pose for pose in placed if pose is not None]
     views, targets = _targets(views, plane, poses, points)
-    starts = [one_camera(c.size, float(lens[0]), c.model, c.known) for c, lens in zip(cameras, lenses)]
-    states = CameraStates(
-        *(np.concatenate([getattr(start, name) for start in starts]) for name in CameraStates.__annotations__)
-    )
-    free = states.free.copy()
-    free[1:, :POSE] = True
     states = replace(
-        states,
+        free_cameras(cameras, list(lenses)),
         rotations=np.stack([pose.rotation for pose in poses]),
         translations=np.stack([pose.translation for pose in poses]),
-        free=free,
     )
     first = Targets(
         np.stack([pose.rotation for pose in targets]), np.stack([pose.translation for pose in targets])

@@ -28,12 +28,6 @@ CORRELATION_S = 0.2
 # s, that of simulated noise: errors of learnt lengths are 1.1 to 1.2 of their standard deviations
 NOISE_S = 0.1
 LEAST_CERTAIN = 0.1  # m, greatest standard deviation of a distance from which a length is learnt
-STEPS = 2  # Gauss-Newton steps
-POSES = 9  # number of poses over which the free share of the motion of each joint is averaged
-# power of that share in the stiffness: 0 = joints move independently, 1 = they share one motion. The share of
-# runners in the 95 % ellipsoids is 0.93, 0.95 and 0.97 with 0, 0.5 and 1
-FREEDOM = 0.5
-RANK = 1e-2  # share of the largest singular value below which lengths follow from others
 SHORTEST = 1e-3  # m, length below which a pair has no direction
 
 
@@ -129,22 +123,6 @@ def learn_lengths(distances: PairDistances) -> LearntLengths:
     )
 
 
-def fit_with_lengths(problem: CurveProblem, fit: CurveFit, pairs: Array, learnt: LearntLengths) -> CurveFit:
-    """Return the curves of a person whose joints keep the learnt lengths, with their covariances.
-
-    Args:
-        fit: curves fitted joint by joint, the start.
-    """
-    stiffness = problem.stiffness * free_shares(fit.points, pairs, learnt)[:, None] ** FREEDOM
-    for _ in range(STEPS):
-        points, columns = step_with_lengths(problem, fit.points, pairs, learnt, stiffness)
-        fit = fit._replace(points=points)
-        problem.compare(fit)
-    joints = len(fit.points)
-    reach = columns.shape[1] // (3 * joints)
-    return fit._replace(inverses=block_inverses(columns, joints, reach))
-
-
 def step_with_lengths(
     problem: CurveProblem, points: Array, pairs: Array, learnt: LearntLengths, stiffness: Array
 ) -> tuple[Array, Array]:
@@ -168,32 +146,6 @@ def step_with_lengths(
     solution = cho_solve_banded((lower, True), right, check_finite=False)
     found = np.ascontiguousarray(solution.reshape(grid.number, joints, 3).transpose(1, 0, 2))
     return found, lower.T
-
-
-def free_shares(points: Array, pairs: Array, learnt: LearntLengths) -> Array:
-    """Return the share (J,) of the motion of each joint that the lengths of rigid pairs leave free.
-
-    The stiffness is learnt for single joints. The joints of a rigid part move together, so the sum of their
-    priors would count the prior of one motion several times. The share is 1 minus the mean leverage of the
-    lengths on the coordinates of the joint.
-
-    Args:
-        points: (J, K, 3) m, control points.
-    """
-    joints = len(points)
-    rigid = pairs[learnt.weights > INTERVAL_S / (2.0 * CORRELATION_S) / RIGID**2]
-    if not len(rigid):
-        return np.ones(joints)
-    poses = points[:, np.linspace(0, points.shape[1] - 1, POSES).round().astype(np.int64)]
-    gaps = (poses[rigid[:, 0]] - poses[rigid[:, 1]]).transpose(1, 0, 2)
-    gaps /= np.maximum(np.linalg.norm(gaps, axis=-1, keepdims=True), SHORTEST)
-    rows = np.zeros((len(gaps), len(rigid), joints, 3))
-    rows[:, np.arange(len(rigid)), rigid[:, 0]] = gaps
-    rows[:, np.arange(len(rigid)), rigid[:, 1]] = -gaps
-    flat = rows.reshape(len(gaps), len(rigid), 3 * joints)
-    leverages = np.einsum("qip,qpi->i", np.linalg.pinv(flat, rcond=RANK), flat) / len(gaps)
-    shares: Array = 1.0 - leverages.reshape(joints, 3).mean(axis=1)
-    return shares
 
 
 def instants(problem: CurveProblem) -> Array:

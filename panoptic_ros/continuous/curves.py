@@ -265,6 +265,16 @@ def third_differences(z, inverse, squares, spreads, step):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
+def all_third_differences(points, inverses, step):
+    """Return `CurveFit.differences` and `CurveFit.spreads` of control points and their covariances."""
+    joints, count, _ = points.shape
+    squares, spreads = np.empty((joints, count - ORDER)), np.empty((joints, count - ORDER))
+    for j in range(joints):
+        third_differences(points[j].reshape(3 * count), inverses[j], squares[j], spreads[j], step)
+    return squares, spreads
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
 def at_rays(fit, rays, grid):
     """Return the values of the curves at the rays, `AtRays`."""
     total = len(rays.times)

@@ -13,6 +13,7 @@ import numpy as np
 
 from panoptic_ros.continuous.follow import ViewTrack
 from panoptic_ros.continuous.stamps import listed_names
+from panoptic_ros.domain import RefinedPoseSet
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.solving.frames import CameraFrame
 from panoptic_ros.stage import Notice
@@ -35,6 +36,46 @@ class TimedCurve(Protocol):
 
     def at(self, times: Array) -> Array:
         """Return the positions (T, J, 3) m at times (T,) s, NaN outside of the curve."""
+
+
+class SampledMotion(NamedTuple):
+    """Motion of a person at known instants, linear between them.
+
+    Args:
+        instants: (N,) s, increasing.
+        positions: (N, J, 3) m, NaN = unknown.
+        longest: (s) longest time between two instants of a part of the motion.
+    """
+
+    instants: Array
+    positions: Array
+    longest: float
+
+    @classmethod
+    def of_sets(
+        cls, sets: Sequence[RefinedPoseSet], reference_ns: int, longest: float
+    ) -> list[SampledMotion]:
+        """Return the people of sets at increasing instants; times are in s from the reference."""
+        rows: dict[int, list[tuple[float, Array]]] = {}
+        for item in sets:
+            time = 1e-9 * (item.stamp_ns - reference_ns)
+            for number, positions in zip(item.ids.tolist(), item.positions):
+                rows.setdefault(number, []).append((time, positions))
+        return [
+            cls(np.array([time for time, _ in own]), np.array([positions for _, positions in own]), longest)
+            for own in rows.values()
+            if len(own) > 1
+        ]
+
+    def at(self, times: Array) -> Array:
+        """See `TimedCurve`."""
+        after = np.clip(np.searchsorted(self.instants, times), 1, len(self.instants) - 1)
+        first, last = self.instants[after - 1], self.instants[after]
+        share = (times - first) / (last - first)
+        inside = (share >= 0.0) & (share <= 1.0) & (last - first <= self.longest)
+        share = np.where(inside, share, np.nan)[:, None, None]
+        found: Array = (1.0 - share) * self.positions[after - 1] + share * self.positions[after]
+        return found
 
 
 class ClockFault(NamedTuple):

@@ -19,20 +19,19 @@ from panoptic_ros.continuous.motion import (
     START_SPEED,
     JointFilters,
     ViewRays,
-    distances,
     predict,
     update,
 )
+from panoptic_ros.continuous.view_costs import SIGMA, ambiguous, view_costs
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.identity.assignment import best_pairs
 from panoptic_ros.solving.frames import CameraFrame
 
 Array = np.ndarray
-SIGMA = 4e-3  # standard deviation of a 2D joint on the normalised plane, for association only
-MOST_DISTANCE = 6.0  # standard deviations, upper limit of the distance of a joint in means
 GATE = 3.5  # standard deviations, mean distance up to which a 2D person may belong to a person
-MIRROR_MARGIN = 0.5  # standard deviations by which an exchange of left and right has to fit better
-WIDEST = 0.15  # m, greatest standard deviation of an innovation, for association only
+# factor on SIGMA of 2D people that fit another person as well. With 4, people who embrace change places; with
+# no update, their tracks drift apart
+UNSURE = 8.0
 MEMORY_S = 0.5  # s without a view after which a person has left
 # share of the expected views of MEMORY_S below which a person has left; minimum number of these views
 LEAST_SHARE, SHARE_VIEWS = 0.2, 6
@@ -106,17 +105,24 @@ class ViewTrack:
             self.time = time
 
     def take(
-        self, number: int, person: int, view: ViewRays, frame: CameraFrame, mirror: Array | None = None
+        self,
+        number: int,
+        person: int,
+        view: ViewRays,
+        frame: CameraFrame,
+        mirror: Array | None = None,
+        unsure: bool = False,
     ) -> None:
         """Update with a 2D person of view `number` at the present time.
 
         Args:
             mirror: (J,) joint on the other side of each joint, if left and right are exchanged.
+            unsure: the 2D person fits another person as well, and moves the filters little.
         """
         plane, known = frame.plane[person].copy(), frame.scores[person] > 0.0
         if mirror is not None:
             plane, known = plane[mirror], known[mirror]
-        squares = update(self.filters, view, plane, known, SIGMA)
+        squares = update(self.filters, view, plane, known, UNSURE * SIGMA if unsure else SIGMA)
         self.last = self.time
         depth = float(np.nanmedian(self.positions @ view.rotation[2]) + view.translation[2])
         self.entries.append(Entry(number, person, depth, mirror is not None, squares))
@@ -226,16 +232,18 @@ class ViewTracker:
         view = self.views[frame.camera]
         explained: set[int] = set()
         pairs: list[tuple[int, int]] = []
+        unsure: set[int] = set()
         if people:
             costs = [view_costs(track.filters, view, frame, people, self._mirror) for track in tracks]
             least = np.stack([np.minimum(*cost) for cost in costs])
             pairs = best_pairs(least, GATE)
             sure = np.array([track.confirmed > 0 for track in tracks])
+            unsure = ambiguous(least, pairs) if sure.all() else unsure
             explained = {people[k] for k in np.flatnonzero((least[sure] <= GATE).any(axis=0))}
         for row, column in pairs:
             straight, mirrored = costs[row]
             exchanged = self._mirror if mirrored[column] < straight[column] else None
-            tracks[row].take(number, people[column], view, frame, exchanged)
+            tracks[row].take(number, people[column], view, frame, exchanged, row in unsure)
             tracks[row].turn(self._mirror)
             explained.add(people[column])
             self._settle(tracks[row])
@@ -384,23 +392,6 @@ def pairing_time_of(periods: Iterable[float]) -> float:
     return max([PAIR_S, *(0.5 * period for period in periods if period < 1.0)])
 
 
-def view_costs(
-    filters: JointFilters, view: ViewRays, frame: CameraFrame, people: list[int], mirror: Array
-) -> tuple[Array, Array]:
-    """Return the distances (D,) of 2D people from a person: as they are, and with left and right exchanged.
-
-    An exchange has to fit better by MIRROR_MARGIN.
-
-    Args:
-        people: D rows of the frame.
-    """
-    planes, known = frame.plane[people], frame.scores[people] > 0.0
-    straight = distances(filters, view, planes, known, SIGMA, WIDEST, MOST_DISTANCE)
-    planes, known = (np.ascontiguousarray(values[:, mirror]) for values in (planes, known))
-    mirrored = distances(filters, view, planes, known, SIGMA, WIDEST, MOST_DISTANCE)
-    return straight, mirrored + MIRROR_MARGIN
-
-
 def _extend(
     tracker: ViewTracker, tracks: list[ViewTrack], frames: Sequence[CameraFrame], times: Array, mirror: Array
 ) -> None:
@@ -430,14 +421,16 @@ def _extend(
                 copy.count(number, True)
             else:
                 others.append((track, copy))
-        pairs = []
+        pairs, unsure = [], set()
         if others and free:
             costs = [view_costs(copy.filters, view, frame, free, mirror) for _, copy in others]
-            pairs = best_pairs(np.stack([np.minimum(*cost) for cost in costs]), GATE)
+            least = np.stack([np.minimum(*cost) for cost in costs])
+            pairs = best_pairs(least, GATE)
+            unsure = ambiguous(least, pairs)
         for row, column in pairs:
             track, copy = others[row]
             exchanged = mirror if costs[row][1][column] < costs[row][0][column] else None
-            copy.take(number, free[column], view, frame, exchanged)
+            copy.take(number, free[column], view, frame, exchanged, row in unsure)
             track.entries.append(copy.entries[-1])
             track.cameras.add(frame.camera)
             owners[number, free[column]] = track

@@ -10,12 +10,12 @@ import numpy as np
 from panoptic_ros.continuous.bones import (
     LearntLengths,
     PairDistances,
-    fit_with_lengths,
     learn_lengths,
     pair_distances,
 )
 from panoptic_ros.continuous.curves import CurveFit, KnotGrid, covariances_at
 from panoptic_ros.continuous.problem import CurveProblem, TrackRays, grid_over
+from panoptic_ros.continuous.rigid_motion import fit_with_lengths
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.geometry.splines import DEGREE, spline
 

@@ -168,7 +168,7 @@ class CurveProblem:
         self._noise = JointNoiseModel(rays.cameras, rays.joints, rays.scores, FIRST_NOISE, factors)
         self._previous = rays.previous()
         self.grid = grid
-        self._inside = knots_inside(rays, times, grid)
+        self.inside = knots_inside(rays, times, grid)
         shape = (joints, self.grid.number - ORDER)
         self.stiffness = np.full(shape, 1.0 / (START_JERK**2 * STEP_S**5))
         self.depths = np.maximum(rays.depths, LEAST_DEPTH)
@@ -255,7 +255,7 @@ class CurveProblem:
         self._growths = growth(self.squares, CAUCHY)
         self.persistent = persistence(fit, self.rays, self.grid, self.misses / self.sigmas[:, None])
         self._growths = growth(self.squares, cauchy)
-        self.stiffness = learn_stiffness(self.stiffness, fit.differences, fit.spreads, self._inside)
+        self.stiffness = learn_stiffness(self.stiffness, fit.differences, fit.spreads, self.inside)
 
     def solve(self, rounds: int = ROUNDS) -> CurveFit:
         """Return the curves after all iterations; the robust weights sharpen from one to the next.
@@ -267,7 +267,7 @@ class CurveProblem:
             fit, scale = self.fit(), cauchy_of(k + 1)
             at = self.compare(fit, scale)
             if scale > CAUCHY:
-                self.stiffness = learn_stiffness(self.stiffness, fit.differences, fit.spreads, self._inside)
+                self.stiffness = learn_stiffness(self.stiffness, fit.differences, fit.spreads, self.inside)
             else:
                 self.learn(fit, at)
         fit = self.fit()
@@ -320,15 +320,30 @@ def knots_inside(rays: TrackRays, times: Array, grid: KnotGrid) -> Array:
 def learn_stiffness(
     stiffness: Array, differences: Array, spreads: Array, inside: Array, axes: int = 3
 ) -> Array:
-    """Update the stiffness (J, K - ORDER) by MacKay's rule, averaged over time.
+    """Update the stiffness (J, K - ORDER) by half a step of MacKay's rule, averaged over time.
 
-    The jerk of a joint changes over time: a recording of walking and running has no common value. So the rule
-    is applied to averages with Gaussian weights about each knot.
+    Args:
+        differences, spreads, inside, axes: see `stiffness_sums`.
+    """
+    sure, squares = stiffness_sums(stiffness, differences, spreads, inside, axes)
+    return within_limits(np.sqrt(stiffness * sure / squares))
+
+
+def stiffness_sums(
+    stiffness: Array, differences: Array, spreads: Array, inside: Array, axes: int | Array = 3
+) -> tuple[Array, Array]:
+    """Return the two sums (J, K - ORDER) whose ratio is the stiffness by MacKay's rule.
+
+    The jerk of a joint changes over time: a recording of walking and running has no common value. So both
+    are averages with Gaussian weights about each knot.
 
     Args:
         differences, spreads: see `CurveFit`.
         inside: (J, K - ORDER) see `knots_inside`.
-        axes: number of coordinates of a curve, over which `differences` and `spreads` are summed.
+        axes: number of free coordinates of a curve, over which `differences` and `spreads` are summed, or
+            (J, 1) of each curve.
+
+    Returns: the number of differences that the rays determine, and the squared differences, m^2.
     """
     sure = np.maximum(axes - spreads * stiffness, LEAST_SURE)
     weights = np.maximum(inside, OUTSIDE)
@@ -336,7 +351,11 @@ def learn_stiffness(
         gaussian_filter1d(weights * values, SMOOTHING_S / STEP_S, axis=1, mode="reflect", truncate=3.0)
         for values in (sure, differences)
     ]
-    learnt = np.sqrt(stiffness * sums[0] / np.maximum(sums[1], 1e-20))
+    return sums[0], np.maximum(sums[1], 1e-20)
+
+
+def within_limits(stiffness: Array) -> Array:
+    """Return the stiffness within those of `MOST_JERK` and `LEAST_JERK`."""
     low, high = (1.0 / (jerk**2 * STEP_S**5) for jerk in (MOST_JERK, LEAST_JERK))
-    clipped: Array = np.clip(learnt, low, high)
+    clipped: Array = np.clip(stiffness, low, high)
     return clipped

@@ -110,7 +110,8 @@ class BodyStateSet:
         covariances: (B, S, 6, 6) of position, m, and rotation, rad, both in the world; NaN = unknown.
         keypoints: (B, J, 3) m, NaN where the body has no such joint.
         keypoint_covariances: (B, J, 3, 3) m^2. Position covariances, also those of segments, include the
-            detector's constant biases (`SkeletonModel.bias_floors`).
+            detector's constant biases (`SkeletonModel.bias_floors`), and errors of the calibration as if
+            all cameras that see a point had placed it.
     """
 
     index: int

@@ -127,10 +127,32 @@ def radius_limit(terms: Array) -> float:
     folds = np.array([7.0, 5.0, 3.0, 1.0]) * above  # d(r * radial)/dr
     roots = np.roots(folds)
     if len(clean) > 5 and clean[5:8].any():
-        below = np.array([clean[7], clean[6], clean[5], 1.0])
-        falls = np.array([6.0, 4.0, 2.0, 0.0]) * below  # 2 r^2 d below / d r^2
+        above, below = _reduced(above, np.array([clean[7], clean[6], clean[5], 1.0]))
+        # with s = r^2: d(r above / below) / dr is zero where (above + 2 s above') below = 2 s above below'
+        twice = np.array([2.0, 0.0])
+        folds = np.polyadd(above, np.polymul(twice, np.polyder(above)))
+        falls = np.polymul(twice, np.polyder(below))
         roots = np.concatenate(
             [np.roots(np.polysub(np.polymul(folds, below), np.polymul(above, falls))), np.roots(below)]
         )
     real = roots[(np.abs(roots.imag) < 1e-9) & (roots.real > 0.0)].real
     return float(np.sqrt(real.min())) if real.size else float("inf")
+
+
+def _reduced(above: Array, below: Array) -> tuple[Array, Array]:
+    """Return two polynomials without their common roots, which are no poles of their quotient."""
+    left = list(np.roots(above))
+    kept = []
+    for root in np.roots(below):
+        near = [k for k, other in enumerate(left) if abs(other - root) < 1e-9 * abs(root)]
+        if near:
+            left.pop(near[0])
+        else:
+            kept.append(root)
+    return _with_roots(left), _with_roots(kept)
+
+
+def _with_roots(roots: list[complex]) -> Array:
+    """Return the real polynomial with these roots, highest power first, which is 1 at 0."""
+    polynomial = np.real(np.poly(roots)) if roots else np.ones(1)
+    return np.asarray(polynomial / polynomial[-1])

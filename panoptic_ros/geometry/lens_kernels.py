@@ -160,6 +160,26 @@ def _straighten(lens, goal_x, goal_y):
     return x, y, np.sqrt(across * max(along, 1e-6)), found
 
 
+@inlined
+def _newton_step(x, y, slopes, miss_x, miss_y, limit):
+    """Return the point after a Newton step, at most `limit` from the centre.
+
+    Args:
+        slopes: Derivatives of the distorted x by x and y, then of y by x and y.
+    """
+    xx, xy, yx, yy = slopes
+    det = xx * yy - xy * yx
+    if abs(det) < 1e-6:
+        det = 1e-6
+    x -= (yy * miss_x - xy * miss_y) / det
+    y -= (xx * miss_y - yx * miss_x) / det
+    radius = np.sqrt(x * x + y * y)
+    if radius > limit:
+        x *= limit / radius
+        y *= limit / radius
+    return x, y
+
+
 @_jit
 def _undistort(lens, goal_x, goal_y):
     """Return the undistorted point for a Brown lens of five terms, and whether it was found."""
@@ -179,15 +199,7 @@ def _undistort(lens, goal_x, goal_y):
         xx = radial + x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x
         yy = radial + y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x
         xy = x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y
-        det = xx * yy - xy * xy
-        if abs(det) < 1e-6:
-            det = 1e-6
-        x -= (yy * miss_x - xy * miss_y) / det
-        y -= (xx * miss_y - xy * miss_x) / det
-        radius = np.sqrt(x * x + y * y)
-        if radius > limit:
-            x *= limit / radius
-            y *= limit / radius
+        x, y = _newton_step(x, y, (xx, xy, xy, yy), miss_x, miss_y, limit)
     return x, y, miss < 1e-8
 
 
@@ -212,15 +224,7 @@ def _undistort_many(lens, seen_x, seen_y):
         if miss < 1e-13:
             break
         xx, xy, yx, yy = _slopes_before_tilt(lens, x, y)
-        det = xx * yy - xy * yx
-        if abs(det) < 1e-6:
-            det = 1e-6
-        x -= (yy * miss_x - xy * miss_y) / det
-        y -= (xx * miss_y - yx * miss_x) / det
-        radius = np.sqrt(x * x + y * y)
-        if radius > lens.limit:
-            x *= lens.limit / radius
-            y *= lens.limit / radius
+        x, y = _newton_step(x, y, (xx, xy, yx, yy), miss_x, miss_y, lens.limit)
     xx, xy, yx, yy = _slopes_before_tilt(lens, x, y)
     return x, y, np.sqrt(max(xx * yy - xy * yx, 1e-6)), miss < 1e-8
 

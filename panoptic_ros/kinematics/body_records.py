@@ -1,7 +1,8 @@
 """Conversion of solved bodies to the published record.
 
-Constant biases of a detector are the same at every instant, so no filter observes them. They are therefore
-added to the covariances of positions here, as refinement adds them to those of skeletons.
+Constant biases of a detector and errors of the calibration are the same at every instant, so no filter
+observes them. They are therefore added to the covariances of positions here, as refinement adds them to
+those of skeletons. For the calibration, all cameras that see a point count.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from panoptic_ros.domain.segments import SegmentedBody, SegmentModel
 from panoptic_ros.domain.subjects import BodyState
 from panoptic_ros.geometry.rotations import to_quaternions, vectors_of
 from panoptic_ros.kernels import njit
+from panoptic_ros.solving.calibration_errors import CalibrationErrors
 
 Array = np.ndarray
 
@@ -44,12 +46,14 @@ def body_set(
     model: SegmentModel,
     skeleton: SkeletonModel,
     bodies: Sequence[SolvedBody],
+    calibration: CalibrationErrors | None = None,
 ) -> BodyStateSet:
     """Return the record of an instant, with bodies in the order of their ids.
 
     Args:
         model: Skeleton of segments of all bodies.
         skeleton: Skeleton whose joints are the keypoints.
+        calibration: Errors of the rig's calibration; None = unknown.
     """
     rows = sorted(bodies, key=lambda row: row.state.id)
     count, segments, joints = len(rows), len(model.names), len(skeleton.joint_names)
@@ -69,6 +73,9 @@ def body_set(
         covariances[k, :, :3, :3] += biases.mean(axis=0)
     frames = np.array([row.state.frames for row in rows]).reshape(count, segments, 3, 3)
     places = np.array([row.state.places for row in rows]).reshape(count, segments, 3)
+    if calibration is not None:
+        keypoint_covariances += calibration.of_people(keypoints, (), None)
+        covariances[:, :, :3, :3] += calibration.of_people(places, (), None)
     return BodyStateSet(
         index,
         stamp_ns,

@@ -32,6 +32,7 @@ from panoptic_ros.kinematics.people.seen_people import JointPositions, ViewJoint
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.kinematics.remembered import CLASSES
 from panoptic_ros.kinematics.timeline import InstantSchedule, InstantSelection, LagBuffer
+from panoptic_ros.solving.calibration_errors import CalibrationErrors
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 
@@ -155,6 +156,7 @@ class KinematicsStage(Stateful):
 
     def __init__(self, config: KinematicsConfig, context: StageContext):
         self._config, self._skeleton, self._rig = config, context.skeleton, context.rig
+        self._calibration = CalibrationErrors.of(context.rig.cameras)
         self._hash, self._joint_names = context.skeleton.hash, context.skeleton.joint_names
         self._subjects: tuple[Subject, ...] = tuple(context.extras.get("subjects", ()))
         self._wearers = DeviceAssignment(self._subjects)
@@ -390,7 +392,8 @@ class KinematicsStage(Stateful):
             person = self._people[number]
             rows.append(SolvedBody(state, person.body, *person.behind.pop(stamp_ns, SolveSources(0, 0, 0))))
         assert self._model is not None
-        return body_set(index - 1, stamp_ns, self._timeline.newest_ns, self._model, self._skeleton, rows)
+        known = self._model, self._skeleton, rows, self._calibration
+        return body_set(index - 1, stamp_ns, self._timeline.newest_ns, *known)
 
     # ------------------------------------------------------------------ helpers
 

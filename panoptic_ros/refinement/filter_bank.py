@@ -314,9 +314,11 @@ class FilterBank:
         if self._share > 0.0:
             self._keep_lasting(now)
         innovations, noises = np.full((*now.noise.shape, 3), np.nan), now.measured.noises
+        # own arrays, because kernels are loaded once more for read-only ones
+        points, delays = points.copy(), np.zeros((0, *points.shape[1:], 3))
         if shift is not None:
-            points = points + (shift.delays @ shift.assumed[..., None])[..., 0]
-        delays = np.zeros((0, *points.shape[1:], 3)) if shift is None else shift.delays
+            points += (shift.delays @ shift.assumed[..., None])[..., 0]
+            delays = shift.delays.copy()
         update(self._sized, now.motion, rows, (points, noises, delays), config.cauchy, innovations)
         if shift is not None:
             velocities, information = shift.velocities, shift.information

@@ -99,17 +99,22 @@ class BodyFill:
         self._kept: list[InstantBodies] = []
         self._learnt: dict[int, BodyJointOffsets] = {}
 
-    def take(self, item: BodyStateSet, biases: Array) -> None:
+    def take(self, item: BodyStateSet, biases: Array, calibration: CalibrationErrors | None) -> None:
         """Add the bodies of one more instant; a timestamp that is not newer discards all earlier bodies.
 
+        Covariances of bodies contain persistent errors. Skeletons have the same ones, so they are subtracted
+        before the comparison.
+
         Args:
-            biases: (J, 3, 3) m^2, covariances of the detector's biases. The covariances of bodies contain
-                `biases`. Skeletons have the same biases, so `biases` is subtracted before the comparison.
+            biases: (J, 3, 3) m^2, covariances of the detector's biases.
+            calibration: Errors of the rig's calibration; None = unknown.
         """
         if self._kept and item.stamp_ns <= self._kept[-1].stamp_ns:
             self._kept = []
         hips = from_quaternions(np.ascontiguousarray(item.orientations[:, 0]))
         points, spreads = item.keypoints, item.keypoint_covariances - biases
+        if calibration is not None:
+            spreads -= calibration.of_people(points, (), None)
         self._kept.append(InstantBodies(item.stamp_ns, item.ids, item.devices, points, spreads, hips))
         while self._kept[0].stamp_ns < item.stamp_ns - KEPT_NS:
             self._kept.pop(0)
@@ -301,7 +306,7 @@ class RefinementStage(Stateful):
             self._patches = item
             return StepResult()
         if isinstance(item, BodyStateSet):
-            self._bodies.take(item, self._biases)
+            self._bodies.take(item, self._biases, self._calibration)
             return StepResult()
         if self._last_ns is not None and item.stamp_ns <= self._last_ns:
             text = f"a set of stamp {item.stamp_ns} came after one of {self._last_ns}; it was dropped"

@@ -196,17 +196,18 @@ def _begin_beside(j, v, end, b, known, rays, expected):
 
 
 @njit(cache=True, error_model="numpy")
-def estimate(known, rays, body):
+def estimate(known, rays, body, wanted):
     """Estimate all joints of one person by Gauss-Newton.
 
     Args:
         known: `PersonPrior`, after `begin` if joints without a prior position shall be placed.
         rays: `PersonRays`.
         body: `SkeletonArrays`.
+        wanted: (J,) whether the covariance of a joint is computed; it takes as long as a step for all joints.
 
     Returns:
         positions: (J, 3) m, world, NaN = unknown.
-        covariances: (J, 3, 3) m^2, NaN = unknown.
+        covariances: (J, 3, 3) m^2, NaN = unknown or not wanted.
         residuals: (V, J) in standard deviations, NaN where no ray was used.
     """
     x = known.places.copy()
@@ -231,7 +232,7 @@ def estimate(known, rays, body):
             break
     covariances, columns = np.full((joints, 3, 3), np.nan), np.empty((3, 3 * joints))
     for j in range(joints):
-        if np.isfinite(x[j, 0]):
+        if wanted[j] and np.isfinite(x[j, 0]):
             for i in range(3):
                 columns[i] = 0.0
                 columns[i, 3 * j + i] = 1.0

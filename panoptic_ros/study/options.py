@@ -76,10 +76,12 @@ def add_seeds(parser: argparse.ArgumentParser, default: str) -> None:
     )
 
 
-def add_settings(parser: argparse.ArgumentParser, text: str = "one parameter, for every method") -> None:
-    """Add the option --set STAGE.NAME=VALUE."""
+def add_settings(
+    parser: argparse.ArgumentParser, text: str = "one parameter, for every method", form: str = SETTING
+) -> None:
+    """Add the repeatable option --set, whose values have this form."""
     parser.add_argument(
-        "--set", action="append", default=[], metavar=SETTING, dest="settings", help=f"{text}; repeatable"
+        "--set", action="append", default=[], metavar=form, dest="settings", help=f"{text}; repeatable"
     )
 
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import cv2
 import numpy as np
 
-from panoptic_ros.calibration.quality import CELLS, Quality
+from panoptic_ros.calibration.quality import CELLS, CameraQuality, Quality
 from panoptic_ros.calibration.solve import CalibratedRig
 
 Array = np.ndarray
@@ -24,6 +24,7 @@ HEAD = (
     "offset ms",
     "± ms",
 )
+LEFT_OUT = ("camera", "reason", "images", "files")
 MAGNIFIED = 40  # times, residuals in pictures
 WIDTH = 960  # px, of a picture
 SEEN, MISS, CELL = (40, 200, 40), (40, 40, 255), (90, 90, 90)  # BGR
@@ -34,16 +35,23 @@ STYLE = (
 )
 
 
+def observation_cells(camera: CameraQuality) -> tuple[str, ...]:
+    """Return the name of a camera, and the number, noise and coverage of its observations, as text."""
+    return (
+        camera.name,
+        str(camera.views),
+        str(camera.points),
+        str(camera.outliers),
+        f"{camera.noise_px:.2f}",
+        f"{camera.coverage:.0%}",
+    )
+
+
 def quality_rows(quality: Quality) -> list[tuple[str, ...]]:
     """Return the rows of the table of cameras, as text."""
     return [
         (
-            camera.name,
-            str(camera.views),
-            str(camera.points),
-            str(camera.outliers),
-            f"{camera.noise_px:.2f}",
-            f"{camera.coverage:.0%}",
+            *observation_cells(camera),
             f"{camera.focal_sd:.2%}",
             f"{camera.centre_sd_px:.1f}",
             f"{1e3 * camera.offset_s:+.1f}",
@@ -102,6 +110,7 @@ def report_page(
     quality: Quality,
     links: Mapping[tuple[int, int], int],
     lines: Sequence[str],
+    left_out: Sequence[Sequence[str]],
     pictures: Mapping[str, str],
 ) -> str:
     """Return the report as HTML.
@@ -109,6 +118,7 @@ def report_page(
     Args:
         links: instants that link pairs of cameras.
         lines: doubts and notices.
+        left_out: rows of images without use, see `LEFT_OUT`.
         pictures: file name of the picture of each camera.
     """
     linked = link_rows(quality, links)
@@ -119,6 +129,7 @@ def report_page(
         if lines
         else "<p>All limits of a good calibration hold.</p>",
         "<h2>Cameras</h2>" + html_table(HEAD, quality_rows(quality)),
+        "<h2>Images left out</h2>" + html_table(LEFT_OUT, left_out) if left_out else "",
         "<h2>Instants in which two cameras see the target</h2>",
         html_table(("", *(row[0] for row in linked)), linked),
         f"<h2>Corners (green) and residuals (red, {MAGNIFIED} times)</h2>",

@@ -6,7 +6,7 @@ import html
 from collections.abc import Mapping, Sequence
 
 from panoptic_ros.calibration.quality import Quality
-from panoptic_ros.view.calibration_report import STYLE, html_table, link_rows, text_table
+from panoptic_ros.view.calibration_report import STYLE, html_table, link_rows, observation_cells, text_table
 
 HEAD = ("camera", "instants", "joints", "left out", "noise px", "image", "offset ms", "± ms")
 
@@ -15,12 +15,7 @@ def people_rows(quality: Quality) -> list[tuple[str, ...]]:
     """Return the rows of the table of cameras, as text."""
     return [
         (
-            camera.name,
-            str(camera.views),
-            str(camera.points),
-            str(camera.outliers),
-            f"{camera.noise_px:.2f}",
-            f"{camera.coverage:.0%}",
+            *observation_cells(camera),
             f"{1e3 * camera.offset_s:+.1f}",
             f"{1e3 * camera.offset_sd_s:.1f}",
         )

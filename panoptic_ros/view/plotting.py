@@ -1,4 +1,4 @@
-"""Import of the matplotlib parts that plots use, independent of MPLBACKEND.
+"""Import of the matplotlib parts that plots use, independent of MPLBACKEND, and a grid of panels.
 
 The Agg canvas draws plots into files, so no backend is needed. matplotlib fails to import where MPLBACKEND
 names a backend that is not installed, as in Jupyter terminals. This is the only module that imports
@@ -33,4 +33,22 @@ __all__ = [
     "Poly3DCollection",
     "Rectangle",
     "colormaps",
+    "panel_grid",
 ]
+COLUMNS = 3  # most panels side by side
+
+
+def panel_grid(count: int, width: float, height: float) -> tuple[Figure, list[Axes]]:
+    """Return a figure of `count` panels with common axes, and these panels.
+
+    Args:
+        width, height: Size of a panel, inches.
+    """
+    columns = min(COLUMNS, count)
+    lines = -(-count // columns)
+    figure = Figure(figsize=(0.6 + width * columns, 0.7 + height * lines), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = list(figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True).ravel())
+    for axes in panels[count:]:
+        axes.set_axis_off()
+    return figure, panels[:count]

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from panoptic_ros.io.files import atomic_path
-from panoptic_ros.view.plotting import Figure, FigureCanvasAgg
+from panoptic_ros.view.plotting import panel_grid
 
-COLUMNS = 3
 LEAST_MM, MOST_MM = 1.0, 300.0  # mm, limits of the errors
 
 
@@ -29,16 +28,10 @@ def write_speed_plot(
     Raises:
         EnvironmentProblem: If the file cannot be written.
     """
-    columns = min(COLUMNS, len(cases))
-    lines = -(-len(cases) // columns)
-    figure = Figure(figsize=(0.6 + 3.4 * columns, 0.7 + 2.8 * lines), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
-    grid = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
-    for axes in grid.ravel()[len(cases) :]:
-        axes.set_axis_off()
+    figure, panels = panel_grid(len(cases), 3.4, 2.8)
     methods = list(dict.fromkeys(method for curves in cases.values() for method in curves))
     colours = {method: f"C{k}" for k, method in enumerate(methods)}
-    for (name, curves), axes in zip(cases.items(), grid.ravel()):
+    for (name, curves), axes in zip(cases.items(), panels):
         for method, errors in curves.items():
             there = np.isfinite(errors)
             axes.plot(
@@ -51,7 +44,7 @@ def write_speed_plot(
             )
         axes.set(title=name, yscale="log", ylim=(LEAST_MM, MOST_MM), xlim=(0.0, None))
         axes.grid(alpha=0.3, which="both")
-    figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside right upper")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper")
     figure.suptitle(title, fontsize="medium")
     figure.supxlabel("speed of the joint [m/s]", fontsize="medium")
     figure.supylabel("mean error [mm]", fontsize="medium")

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.io.files import atomic_path
-from panoptic_ros.view.plotting import Axes, Figure, FigureCanvasAgg, colormaps
+from panoptic_ros.view.plotting import Axes, colormaps, panel_grid
 
 END_CM = 6.0  # cm; upper end of the PCK curves
-COLUMNS = 3
 DASHES = {"HD": "C3", "VGA": "C0", "QVGA": "C2"}
 
 
@@ -23,16 +22,10 @@ def write_study_plot(path: Path, rows: Sequence[Mapping[str, Any]], title: str) 
         EnvironmentProblem: If the file cannot be written.
     """
     people = sorted({row["people"] for row in rows})
-    columns = min(COLUMNS, len(people))
-    lines = -(-len(people) // columns)
-    figure = Figure(figsize=(0.6 + 3.6 * columns, 0.7 + 3.0 * lines), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
-    grid = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
-    for axes in grid.ravel()[len(people) :]:
-        axes.set_axis_off()
-    for number, axes in zip(people, grid.ravel()):
+    figure, panels = panel_grid(len(people), 3.6, 3.0)
+    for number, axes in zip(people, panels):
         _panel(axes, [row for row in rows if row["people"] == number], number)
-    grid[0, 0].legend(fontsize="small", loc="lower right")
+    panels[0].legend(fontsize="small", loc="lower right")
     figure.suptitle(title, fontsize="medium")
     figure.supxlabel("distance from the truth [cm]", fontsize="medium")
     figure.supylabel("share of all joints (PCK)", fontsize="medium")

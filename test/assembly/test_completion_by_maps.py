@@ -41,7 +41,7 @@ def test_a_lost_joint_comes_from_its_node(scenes):
     assert pose.views[0, wrist] == 2 and pose.scores[0, wrist] == 0.5
     variance = AssemblyConfig().node_sigma ** 2 + node_doubts(np.array([0.5]))
     assert np.allclose(pose.covariances[0, wrist], variance * np.eye(3))
-    off = FedAssembly(scenes.context(rig), vote_distance=0.0)
+    off = FedAssembly(scenes.context(rig), vote_distance=0.0, held_sigma=0.0)
     off.step(first)
     assert np.isnan(off.step(second).outputs[0].positions[0, wrist]).all()
 

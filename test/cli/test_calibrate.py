@@ -1,6 +1,7 @@
 """`panoptic calibrate`: from images of a board to a rig with its report, and boards to print."""
 
 import json
+import re
 import shutil
 from dataclasses import replace
 
@@ -52,6 +53,35 @@ def test_images_of_a_board_give_a_rig_with_its_report(session, tmp_path, capsys)
     page = (tmp_path / "o" / "report.html").read_text()
     assert all(name in page and (tmp_path / "o" / f"{name}.png").exists() for name in truth.names)
     assert not (tmp_path / "o" / "clocks.json").exists()  # no clock is estimated with --synchronous
+
+
+def test_images_that_are_left_out_are_listed_with_their_reasons(session, tmp_path):
+    """List an empty image, a covered board, two boards, and the image of another instant."""
+    copied = tmp_path / "s"
+    shutil.copytree(session[0], copied)
+    files = sorted((copied / "cam1").iterdir())
+    images = [cv2.imread(str(file), 0) for file in files]
+    board, printed = parse_board(BOARD), artwork(parse_board(BOARD))
+    part = np.full_like(printed, 255)
+    inner = slice(160, 400), slice(160, 400)  # 2 x 2 squares of 120 px, behind a margin of 40 px
+    part[inner] = printed[inner]
+    covered = photograph(session[1].camera("cam1"), board, board_poses(IMAGES)[2], part)
+    small = cv2.resize(images[3], (320, 240), interpolation=cv2.INTER_AREA)
+    wrong = {
+        "0001.png": (np.full_like(covered, 128), "the board is not found"),
+        "0002.png": (covered, "fewer than 4 corners"),
+        "0003.png": (np.pad(np.hstack([small, small]), ((120, 120), (0, 0))), "two boards with the same"),
+        "0004.png": (images[9], "most of its corners contradict the other images"),
+    }
+    for name, (image, _) in wrong.items():
+        cv2.imwrite(str(copied / "cam1" / name), image)
+    options = ["--board", BOARD, "--synchronous", "--out", str(tmp_path / "o")]
+    assert main(["calibrate", str(copied), *options]) == 0
+    page = (tmp_path / "o" / "report.html").read_text()
+    rows = re.findall(r"<tr><td>cam1</td><td>([^<]+)</td><td>(\d+)</td><td>([^<]+)</td></tr>", page)
+    reasons = {file: why for why, _, listed in rows for file in listed.split(", ")}
+    assert all(reasons[file].startswith(why) for file, (_, why) in wrong.items())
+    assert sum(int(count) for _, count, _ in rows) == len(reasons) < IMAGES / 3
 
 
 def bag_of(path, folder, topic, kind, damaged=0):

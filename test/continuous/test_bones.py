@@ -6,9 +6,7 @@ import pytest
 from free_cameras import FreeCapture
 
 from panoptic_ros.continuous.bones import (
-    LearntLengths,
     PairDistances,
-    free_shares,
     instants,
     learn_lengths,
     pair_distances,
@@ -73,12 +71,3 @@ def test_lengths_bring_the_joints_to_their_distances(problem):
     np.testing.assert_allclose(fit.points + change, exact, atol=1e-6)
     few = relax(fit.factors, fit.points, problem.grid, instants(problem), PAIRS, learnt, 10)
     assert np.abs(fit.points + few - exact).mean() < 1e-4
-
-
-def test_a_rigid_part_is_free_to_move_in_six_ways():
-    points = np.random.default_rng(3).normal(size=(7, 40, 3))
-    pairs = np.array([(a, b) for a in range(5) for b in range(a)] + [(5, 4)])
-    learnt = LearntLengths(np.ones(11), np.full(11, 1e5), np.zeros(11))
-    shares = free_shares(points, pairs, learnt)
-    # five joints of a rigid part, one joint on a bone, and a free one
-    assert 3.0 * shares.sum() == pytest.approx(6.0 + 2.0 + 3.0) and shares[6] == 1.0

@@ -71,7 +71,7 @@ def taught(devices, looks=40):
     """What has learnt from well seen joints, and the stamp of the next instant."""
     fill = BodyFill()
     for k in range(looks):
-        fill.take(bodies(k * PERIOD, devices), NO_BIASES)
+        fill.take(bodies(k * PERIOD, devices), NO_BIASES, None)
         well = judged(k * PERIOD, 0.0, [JointState.MEASURED] * 3)
         before = well.positions.copy()
         fill.fill(k * PERIOD, np.array([7]), well, np.full((1, 3), 3), noises(), 0.2)
@@ -86,7 +86,7 @@ def noises(sigma=0.05):
 @pytest.mark.parametrize("ahead_ns", [0, 8_000_000])
 def test_joints_that_few_views_see_are_where_the_detector_would_have_them(ahead_ns):
     fill, stamp = taught(devices=6)
-    fill.take(bodies(stamp, 6), NO_BIASES)
+    fill.take(bodies(stamp, 6), NO_BIASES, None)
     stamp += ahead_ns  # the body is carried on
     states = [JointState.MEASURED, JointState.MEASURED, JointState.MISSING]
     poor = judged(stamp, np.array([0.0, 0.1, 0.0]), states)
@@ -101,7 +101,7 @@ def test_joints_that_few_views_see_are_where_the_detector_would_have_them(ahead_
 @pytest.mark.parametrize(("sigma", "least", "most"), [(0.01, 0.2, 0.95), (0.3, 0.0, 0.05)])
 def test_covariances_decide_between_the_body_and_joints_that_two_views_or_one_see(sigma, least, most):
     fill, stamp = taught(devices=0)
-    fill.take(bodies(stamp, 0), NO_BIASES)
+    fill.take(bodies(stamp, 0), NO_BIASES, None)
     poor = judged(stamp, 0.05, [JointState.MEASURED] * 3, sigma=sigma)
     fill.fill(stamp, np.array([7]), poor, np.array([[3, 2, 1]]), noises(), 0.2)
     left = np.linalg.norm(poor.positions[0] - seen_at(stamp), axis=-1) / np.linalg.norm(np.full(3, 0.05))
@@ -111,7 +111,7 @@ def test_covariances_decide_between_the_body_and_joints_that_two_views_or_one_se
 
 def test_a_body_and_a_skeleton_that_are_far_apart_are_both_less_certain():
     fill, stamp = taught(devices=0)
-    fill.take(bodies(stamp, 0), NO_BIASES)
+    fill.take(bodies(stamp, 0), NO_BIASES, None)
     shares, spreads = [], []
     for error in (0.01, 0.5):
         poor = judged(stamp, error, [JointState.MEASURED] * 3, sigma=0.02)
@@ -126,7 +126,7 @@ def test_biases_that_a_body_shares_with_a_skeleton_do_not_count_against_it():
     biases, moved = np.tile(0.04**2 * np.eye(3), (3, 1, 1)), []
     for own in (NO_BIASES, biases):
         fill, told = BodyFill(), bodies(0, 0)
-        fill.take(replace(told, keypoint_covariances=told.keypoint_covariances + own), own)
+        fill.take(replace(told, keypoint_covariances=told.keypoint_covariances + own), own, None)
         poor = judged(0, 0.05, [JointState.MEASURED] * 3)
         fill.fill(0, np.array([7]), poor, np.full((1, 3), 2), noises(), 0.2)
         moved.append(poor)
@@ -138,12 +138,12 @@ def test_a_body_that_is_off_well_seen_joints_counts_little():
     good, stamp = taught(devices=6)
     bad, rng = BodyFill(), np.random.default_rng(0)
     for k in range(40):
-        bad.take(bodies(k * PERIOD, 6, rng.normal(0.0, 0.3, (3, 3))), NO_BIASES)
+        bad.take(bodies(k * PERIOD, 6, rng.normal(0.0, 0.3, (3, 3))), NO_BIASES, None)
         well = judged(k * PERIOD, 0.0, [JointState.MEASURED] * 3)
         bad.fill(k * PERIOD, np.array([7]), well, np.full((1, 3), 4), noises(), 0.2)
     moved = []
     for fill in (good, bad):
-        fill.take(bodies(stamp, 6), NO_BIASES)
+        fill.take(bodies(stamp, 6), NO_BIASES, None)
         poor = judged(stamp, 0.05, [JointState.MEASURED] * 3)
         fill.fill(stamp, np.array([7]), poor, np.full((1, 3), 2), noises(), 0.2)
         moved.append(np.linalg.norm(poor.positions[0] - seen_at(stamp) - 0.05, axis=-1).mean())

@@ -1,5 +1,7 @@
 """`panoptic continuous --lag`: what the online form would have said about a file."""
 
+from dataclasses import replace
+
 import captures
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from panoptic_ros.io.plain_formats import read_skeletons, write_detections
 from panoptic_ros.io.rigs import write_rig
 
 CAPTURE = FreeCapture(seconds=2.0)
+SECOND = 1_000_000_000
 
 
 @pytest.fixture(scope="module")
@@ -72,3 +75,32 @@ def test_one_camera_is_not_enough(files, tmp_path, capsys):
     told = capsys.readouterr().err
     assert "views of cam1 alone; give 2D people of at least two cameras" in told
     assert not (tmp_path / "s.json.gz").exists()
+
+
+@pytest.mark.parametrize(
+    ("stamp", "text"),
+    [
+        (lambda ns: ns + SECOND, "stamps of camera cam3 are 1.00 s ahead of those of the other cameras"),
+        (lambda ns: ns - SECOND, "stamps of camera cam3 are 1.00 s behind those of the other cameras"),
+        (
+            lambda ns: 2 * START_NS + 6 * SECOND - ns,
+            "because their stamps repeat or run backwards: cam3 (59)",
+        ),
+    ],
+)
+def test_a_camera_with_wrong_stamps_is_named_in_one_line(files, tmp_path, capsys, stamp, text):
+    capture = FreeCapture(seconds=6.0, speed=2.0)
+    sets = []
+    for item in capture.sets:
+        (view,) = item.views
+        right = view.stamp_ns
+        moved = replace(view, stamp_ns=stamp(right) if view.camera == "cam3" else right)
+        sets.append(replace(item, stamp_ns=moved.stamp_ns, views=(moved,)))
+    write_detections(tmp_path / "d.json.gz", captures.SKELETON.joint_names, sets)
+    assert run(files, tmp_path / "s.json.gz", 0.1, "--quiet", detections=tmp_path / "d.json.gz") == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("warning: ") and text in line
+    for frame in read_skeletons(tmp_path / "s.json.gz").frames[40:-40]:
+        truth = capture.joints(1e-9 * (frame.stamp_ns - START_NS))
+        gaps = np.linalg.norm(truth[:, None] - frame.positions, axis=-1).mean(axis=-1)
+        assert len(frame.ids) == 2 and gaps.min(axis=1).max() < 0.01

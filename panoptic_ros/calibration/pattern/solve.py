@@ -18,7 +18,6 @@ from panoptic_ros.calibration.bundle import (
     residuals_of,
 )
 from panoptic_ros.calibration.free_points import kept_points
-from panoptic_ros.calibration.lens_start import one_camera
 from panoptic_ros.calibration.pattern.start import (
     FEWEST,
     pattern_table,
@@ -28,7 +27,7 @@ from panoptic_ros.calibration.pattern.start import (
 )
 from panoptic_ros.calibration.pattern.tracks import PatternSightings, thinned
 from panoptic_ros.calibration.projection import POSE
-from panoptic_ros.calibration.rig_start import SCALE, CameraInput
+from panoptic_ros.calibration.rig_start import SCALE, CameraInput, free_cameras
 from panoptic_ros.calibration.solve import (
     OUTLIER,
     CalibratedRig,
@@ -105,17 +104,7 @@ def _states(cameras: Sequence[CameraInput]) -> CameraStates:
             f"a pattern needs known lenses: camera{'s' * (len(blind) > 1)} {', '.join(blind)}; give "
             "--intrinsics, e.g. from a board before each camera"
         )
-    starts = [
-        one_camera(camera.size, float(camera.known[0][0]), camera.model, camera.known)
-        for camera in cameras
-        if camera.known is not None
-    ]
-    states = CameraStates(
-        *(np.concatenate([getattr(start, name) for start in starts]) for name in CameraStates.__annotations__)
-    )
-    free = states.free.copy()
-    free[1:, :POSE] = True
-    return replace(states, free=free)
+    return free_cameras(cameras, [camera.known[0] for camera in cameras if camera.known is not None])
 
 
 def _refuse_few(cameras: Sequence[CameraInput], sightings: PatternSightings) -> None:

@@ -159,16 +159,34 @@ def calibrate_with_wand(
     ]
     start = start_wand(inputs, recording.views, wand.points)
     solved = calibrate_from(start, inputs, wand.points, clocks=not synchronous)
-    quality = quality_of(solved)
-    if reasons := refusals(quality, "wand"):
+    notices = wrong_sizes(solved, distance, "its lengths")
+    return without_floor("wand", wand, recording, solved, quality_of(solved), notices)
+
+
+def without_floor(
+    kind: str,
+    target: Board | Wand | None,
+    recording: BoardRecording,
+    solved: CalibratedRig,
+    quality: Quality,
+    notices: Sequence[str] = (),
+) -> BoardCalibration:
+    """Return the calibration from a target that never lies on the floor; the images give the vertical.
+
+    Args:
+        kind: Name of the target for messages.
+
+    Raises:
+        CalibrationError: if the cameras are too uncertain.
+    """
+    if reasons := refusals(quality, kind):
         raise CalibrationError(f"the recording does not determine the cameras: {'; '.join(reasons)}")
     up = (
-        "up is the mean of the images' up directions and z = 0 is the lowest place of the wand; mark points "
-        "on the floor for `panoptic rig convert --floor-points`"
+        f"up is the mean of the images' up directions and z = 0 is the lowest place of the {kind}; mark "
+        "points on the floor for `panoptic rig convert --floor-points`"
     )
-    rig = rig_in_world(solved, floor_from_images(solved))
-    notices = (*recording.notices, *wrong_sizes(solved, distance, "its lengths"), up)
-    return BoardCalibration(rig, wand, recording, solved, quality, tuple(doubts(quality, "wand")), notices)
+    rig, told = rig_in_world(solved, floor_from_images(solved)), (*recording.notices, *notices, up)
+    return BoardCalibration(rig, target, recording, solved, quality, tuple(doubts(quality, kind)), told)
 
 
 def check_names(distance: tuple[str, str, float] | None, names: Sequence[str]) -> None:

@@ -12,11 +12,10 @@ from panoptic_ros.calibration.lens_start import LensModel
 from panoptic_ros.calibration.pattern.features import ImageFeatures, features_of, matched
 from panoptic_ros.calibration.pattern.solve import calibrate_pattern
 from panoptic_ros.calibration.pattern.tracks import PatternSightings, tracks_of
-from panoptic_ros.calibration.quality import doubts, quality_of, refusals
-from panoptic_ros.calibration.world import floor_from_images, rig_in_world
+from panoptic_ros.calibration.quality import quality_of
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import CalibrationError, UsageError
-from panoptic_ros.running.calibration.calibrate import BoardCalibration, input_of
+from panoptic_ros.running.calibration.calibrate import BoardCalibration, input_of, without_floor
 from panoptic_ros.running.calibration.recorded_board import BoardRecording
 from panoptic_ros.running.calibration.recorded_images import open_images
 from panoptic_ros.stage import Progress, part_of
@@ -61,16 +60,7 @@ def calibrate_from_pattern(
     tape = (names.index(distance[0]), names.index(distance[1]), distance[2])
     poses = [known.camera(name).cam_from_world for name in names] if refine else None
     solved = calibrate_pattern(inputs, sightings, tape, part_of(progress, 0.6, 1.0), poses)
-    quality = quality_of(solved, scaled=True)
-    if reasons := refusals(quality, "pattern"):
-        raise CalibrationError(f"the recording does not determine the cameras: {'; '.join(reasons)}")
-    up = (
-        "up is the mean of the images' up directions and z = 0 is the lowest point of the pattern; mark "
-        "points on the floor for `panoptic rig convert --floor-points`"
-    )
-    rig = rig_in_world(solved, floor_from_images(solved))
-    told = tuple(doubts(quality, "pattern"))
-    return BoardCalibration(rig, None, recording, solved, quality, told, (*recording.notices, up))
+    return without_floor("pattern", None, recording, solved, quality_of(solved, scaled=True))
 
 
 def _read_scenes(

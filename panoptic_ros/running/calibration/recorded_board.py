@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
-from panoptic_ros.calibration.board_detector import APPEARANCES, BoardAppearance, BoardDetector
+from panoptic_ros.calibration.board_detector import APPEARANCES, FEWEST, BoardAppearance, BoardDetector
 from panoptic_ros.calibration.boards import Board, parse_board
 from panoptic_ros.calibration.depth_scale import SeenDepths
 from panoptic_ros.calibration.instants import instants_of
@@ -17,12 +18,22 @@ from panoptic_ros.calibration.target_views import TargetView
 from panoptic_ros.capture.depth_folder import DepthSource
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.io.board_files import read_board
-from panoptic_ros.running.calibration.recorded_images import open_images
+from panoptic_ros.running.calibration.recorded_images import image_names, open_images
 from panoptic_ros.stage import Progress
 
 Array = np.ndarray
+TWO_BOARDS, FEW_CORNERS = "two boards with the same markers", f"fewer than {FEWEST} corners"
+MARKERS_OF_A_BOARD = 4  # markers in an image that prove a board; texture shows single ones
 AROUND_PX = 2  # px, half width of the window of a corner's depth
 MOST_IMAGES = 400  # per camera, in which the board is searched; more images change errors by a few percent
+
+
+class LeftOut(NamedTuple):
+    """Image that gives no view: its camera, the name of its file or its number, and the reason."""
+
+    camera: str
+    image: str
+    reason: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +47,10 @@ class BoardRecording:
         images: Number of images that were searched, by camera.
         mirrored: Number of views that show a mirrored board, by camera.
         pictures: By camera, the view with most corners: its index in `views`, and its image (H, W) uint8.
-        depths: Depth at the corners, of cameras with depth maps.
         notices: Lines about the recording.
+        depths: Depth at the corners, of cameras with depth maps.
+        files: Name of the image of each view; empty = unknown.
+        left_out: Images that were searched and gave no view.
     """
 
     names: tuple[str, ...]
@@ -49,6 +62,8 @@ class BoardRecording:
     pictures: Mapping[int, tuple[int, Array]]
     notices: tuple[str, ...]
     depths: tuple[SeenDepths, ...] = ()
+    files: tuple[str, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
 
 
 def board_of(text: str) -> Board:
@@ -72,6 +87,8 @@ def read_board_views(path: Path, board: Board, progress: Progress, most: int = M
     """
     views: list[TargetView] = []
     every: list[int] = []
+    shown: list[str] = []
+    left_out: list[LeftOut] = []
     depths: list[tuple[int, Array]] = []
     pictures: dict[int, tuple[int, Array]] = {}
     tried = APPEARANCES
@@ -85,6 +102,7 @@ def read_board_views(path: Path, board: Board, progress: Progress, most: int = M
             detector = BoardDetector(board, tried)
             step = max(1, -(-(source.frame_count or 0) // most))
             found_as: set[BoardAppearance] = set()
+            files = image_names(source)
             for n, frame in enumerate(source):
                 done += 1
                 if n % step:
@@ -93,15 +111,18 @@ def read_board_views(path: Path, board: Board, progress: Progress, most: int = M
                 counts[c] += 1
                 grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
                 found = detector.detect(grey)
-                if found is None:
-                    continue
-                if found.repeated:
-                    twice[c] += 1
+                number = frame.frame_number
+                file = files[number] if number < len(files) else f"image {number}"
+                if found is None or found.repeated:
+                    twice[c] += found is not None
+                    reason = _reason(*detector.partial) if found is None else TWO_BOARDS
+                    left_out.append(LeftOut(source.camera, file, reason))
                     continue
                 found_as.add(found.appearance)
                 mirrored[c] += found.appearance.mirrored
                 views.append(TargetView(c, 0, 0.0, found.numbers, found.pixels))
                 every.append(frame.stamp_ns)
+                shown.append(file)
                 if isinstance(source, DepthSource):
                     depths.append(
                         (
@@ -128,8 +149,25 @@ def read_board_views(path: Path, board: Board, progress: Progress, most: int = M
         SeenDepths(placed[k].camera, placed[k].stamp_s, placed[k].pixels, own) for k, own in depths
     )
     return BoardRecording(
-        names, sizes, placed, start, tuple(counts), tuple(mirrored), pictures, tuple(notices), of_corners
+        names,
+        sizes,
+        placed,
+        start,
+        tuple(counts),
+        tuple(mirrored),
+        pictures,
+        tuple(notices),
+        of_corners,
+        tuple(shown),
+        tuple(left_out),
     )
+
+
+def _reason(corners: int, markers: int) -> str:
+    """Return why an image gives no view, given the corners and markers of the board in it."""
+    if markers >= MARKERS_OF_A_BOARD and not corners:
+        return "markers but no corners of the board: is --board right?"
+    return FEW_CORNERS if corners else "the board is not found: out of view, covered or blurred"
 
 
 def depth_at(depth: Array, pixels: Array, image_size: tuple[int, int]) -> Array:

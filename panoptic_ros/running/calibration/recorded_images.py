@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from panoptic_ros.capture.folder import folder_stamps, open_files
-from panoptic_ros.capture.image_folder import ImageFolderSource
+from panoptic_ros.capture.image_folder import ImageFolderSource, image_files
 from panoptic_ros.capture.layout import cameras_of
 from panoptic_ros.capture.source import FrameSource
 from panoptic_ros.capture.video import VideoSource
@@ -54,6 +54,12 @@ def open_images(path: Path) -> Iterator[RecordedImages]:
         stamps, times = folder_stamps(path, files, rig.names)
         capture = stack.enter_context(open_files(rig, files, stamps=stamps, times=times))
         yield RecordedImages(capture.sources, list(capture.notices))
+
+
+def image_names(source: FrameSource) -> list[str]:
+    """Return the names of the files of a source by frame number; empty for videos and bags."""
+    path = getattr(source, "path", None)  # messages of bags have none
+    return [] if path is None else [file.name for file in image_files(path)]
 
 
 class BagImages:

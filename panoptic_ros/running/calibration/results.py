@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from pathlib import Path
 
 from panoptic_ros.calibration.bundle import residuals_of
@@ -9,10 +10,13 @@ from panoptic_ros.io.clock_files import write_offsets
 from panoptic_ros.io.files import write_bytes
 from panoptic_ros.io.rigs import write_rig
 from panoptic_ros.running.calibration.calibrate import BoardCalibration
+from panoptic_ros.running.calibration.recorded_board import LeftOut
 from panoptic_ros.view.calibration_report import report_page, residual_picture
 from panoptic_ros.view.pictures import write_image
 
 RIG, CLOCKS, PAGE = "rig.json", "clocks.json", "report.html"
+NO_POSE, CONTRADICTS = "its corners give no pose", "most of its corners contradict the other images"
+MOST_FILES = 8  # images that a row of the report names
 
 
 def write_calibration(folder: Path, found: BoardCalibration) -> list[str]:
@@ -28,7 +32,8 @@ def write_calibration(folder: Path, found: BoardCalibration) -> list[str]:
         name = found.recording.names[camera]
         pictures[name] = f"{name}.png"
         write_image(folder / pictures[name], residual_picture(found.solved, residuals, camera, image))
-    page = report_page(found.quality, found.solved.links, (*found.doubts, *found.notices), pictures)
+    lines = (*found.doubts, *found.notices)
+    page = report_page(found.quality, found.solved.links, lines, left_out_rows(found), pictures)
     write_bytes(folder / PAGE, page.encode())
     offsets = {
         camera.name: (camera.offset_s, camera.offset_sd_s, c == 0 or camera.offset_sd_s > 0.0)
@@ -39,3 +44,30 @@ def write_calibration(folder: Path, found: BoardCalibration) -> list[str]:
         write_offsets(folder / CLOCKS, offsets, found.recording.start_ns)
     write_rig(folder / RIG, found.rig)
     return [RIG, *([CLOCKS] if estimated else []), PAGE]
+
+
+def left_out_rows(found: BoardCalibration) -> list[tuple[str, ...]]:
+    """Return camera, reason, number and names of the images of a board that the calibration does not use."""
+    recording, solved = found.recording, found.solved
+    used = {
+        (view.camera, view.stamp_s): not wrong
+        for view, wrong in zip(solved.views, solved.rejected, strict=False)  # free points have no views
+    }
+    every = list(recording.left_out)
+    for view, file in zip(recording.views, recording.files, strict=False):  # wands have no files
+        place = view.camera, view.stamp_s
+        if not used.get(place, False):
+            reason = CONTRADICTS if place in used else NO_POSE
+            every.append(LeftOut(recording.names[view.camera], file, reason))
+    files = defaultdict[tuple[int, str], list[str]](list)
+    for one in every:
+        files[recording.names.index(one.camera), one.reason].append(one.image)
+    return [
+        (recording.names[camera], reason, str(len(own)), _listed(own))
+        for (camera, reason), own in sorted(files.items())
+    ]
+
+
+def _listed(files: list[str]) -> str:
+    more = len(files) - MOST_FILES
+    return ", ".join(files[:MOST_FILES]) + (f" and {more} more" if more > 0 else "")

@@ -129,7 +129,7 @@ _OF_PARAMETERS: tuple[Mechanism, ...] = (
         "joints on which two views disagree, or that one shows, are placed",
         two_view_joints=False,
     ),
-    _assembly("held-people", "bone lengths place people who are in one or two views", held_sigma=0.0),
+    _assembly("held-people", "predictions and bones place missing joints of tracked people", held_sigma=0.0),
     _assembly("longest-sigma", "joints that are too uncertain are missing", max_joint_sigma=10.0),
     _assembly("few-views-variance", "covariances grow where few views agree", covariance_inflation=0.0),
     _tracking("memory", "identities wait longer than 0.1 s for people who are not seen", memory=0.1),

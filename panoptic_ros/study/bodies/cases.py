@@ -29,7 +29,7 @@ from panoptic_ros.running.simulations.body_scenes import BODY_SCENES, OTHER_BODY
 from panoptic_ros.simulation.bodies.capture import SPARSE, BodyCapture
 from panoptic_ros.simulation.bodies.group import BodyGroup, group_of, simulate_group
 from panoptic_ros.simulation.bodies.motion import Clip
-from panoptic_ros.study.options import add_seeds, known_names, words
+from panoptic_ros.study.options import add_seeds, add_settings, known_names, words
 from panoptic_ros.study.people.detected import detected
 from panoptic_ros.study.study import Case, Result, Study
 
@@ -144,14 +144,7 @@ class BodyStudy(Study):
             help=f"scenes of bodies; default {','.join(cls.scenes)}",
         )
         add_seeds(parser, "0")
-        parser.add_argument(
-            "--set",
-            action="append",
-            default=[],
-            metavar="NAME=VALUE",
-            dest="settings",
-            help="one parameter of our kinematics; repeatable",
-        )
+        add_settings(parser, "one parameter of our kinematics", "NAME=VALUE")
 
     def cases(self) -> list[Case]:
         """See `Study`."""

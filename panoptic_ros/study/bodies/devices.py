@@ -26,7 +26,7 @@ from panoptic_ros.simulation.bodies.imus import unknown_heading
 from panoptic_ros.stage import Progress, each
 from panoptic_ros.study.bodies.cases import prior_without
 from panoptic_ros.study.bodies.following import follow, tracker_of
-from panoptic_ros.study.options import add_seeds, known_names, words
+from panoptic_ros.study.options import add_seeds, add_settings, known_names, words
 from panoptic_ros.study.study import Case, Result, Row, Study
 
 Array = np.ndarray
@@ -77,14 +77,7 @@ class Devices(Study):
             metavar="NAME,NAME",
             help="scenes of bodies; default all four",
         )
-        parser.add_argument(
-            "--set",
-            action="append",
-            default=[],
-            metavar="NAME=VALUE",
-            dest="settings",
-            help="one parameter of kinematics; repeatable",
-        )
+        add_settings(parser, "one parameter of kinematics", "NAME=VALUE")
 
     def cases(self) -> list[Case]:
         """See `Study`."""

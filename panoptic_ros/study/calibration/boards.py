@@ -35,6 +35,15 @@ BOARD = Board("checkerboard", 7, 10, 0.06)
 FISHEYE = LensModel(fisheye=True, terms=4)
 CALIBRATED = (5e-3, 3.0, 0.02)  # the same, of lenses that were calibrated before the wand
 EXACT = (1e-6, 1e-3, 1e-6)  # relative focal length, px, distortion: deviations of lenses taken as known
+ERRORS = (
+    Column("rotation_rad", "rotation deg", ".3f", 180.0 / np.pi),
+    Column("position_m", "position mm", ".2f", 1e3),
+    Column("focal", "focal", ".3%"),
+    Column("error_m", "error mm", ".2f", 1e3),
+    Column("predicted_m", "bound mm", ".2f", 1e3),
+    Column("ratio", "error / bound", ".2f"),
+    Column("nees", "NEES / dof", ".2f"),
+)
 
 
 @dataclass(frozen=True)
@@ -69,13 +78,7 @@ class Calibration(Study):
         Column("program", "program"),
         Column("intrinsics", "intrinsics"),
         Column("failed", "failed", ".0%"),
-        Column("rotation_rad", "rotation deg", ".3f", 180.0 / np.pi),
-        Column("position_m", "position mm", ".2f", 1e3),
-        Column("focal", "focal", ".3%"),
-        Column("error_m", "error mm", ".2f", 1e3),
-        Column("predicted_m", "bound mm", ".2f", 1e3),
-        Column("ratio", "error / bound", ".2f"),
-        Column("nees", "NEES / dof", ".2f"),
+        *ERRORS,
         Column("offset_s", "offset ms", ".2f", 1e3),
         Column("solve_s", "solve s", ".2f"),
     )

@@ -36,7 +36,13 @@ from panoptic_ros.simulation.pattern_sessions import (
 )
 from panoptic_ros.stage import Progress
 from panoptic_ros.study.calibration.alignment import similarity, triangulated
-from panoptic_ros.study.calibration.boards import CALIBRATED, camera_errors, poses_apart, uncertain_inputs
+from panoptic_ros.study.calibration.boards import (
+    CALIBRATED,
+    ERRORS,
+    camera_errors,
+    poses_apart,
+    uncertain_inputs,
+)
 from panoptic_ros.study.options import add_cases, add_seeds, known_names
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
@@ -78,13 +84,7 @@ class CalibrationPattern(Study):
         Column("case", "case"),
         Column("failed", "failed", ".0%"),
         Column("observations", "pixels", ".0f"),
-        Column("rotation_rad", "rotation deg", ".3f", 180.0 / np.pi),
-        Column("position_m", "position mm", ".2f", 1e3),
-        Column("focal", "focal", ".3%"),
-        Column("error_m", "error mm", ".2f", 1e3),
-        Column("predicted_m", "bound mm", ".2f", 1e3),
-        Column("ratio", "error / bound", ".2f"),
-        Column("nees", "NEES / dof", ".2f"),
+        *ERRORS,
         Column("solve_s", "solve s", ".1f"),
         Column("memory_gb", "memory GB", ".2f"),
     )

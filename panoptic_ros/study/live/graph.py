@@ -111,8 +111,8 @@ class Graph(Study):
                 yield f"{row['title']}: dropped since the start: {told}"
 
 
-def add_load(parser: argparse.ArgumentParser, seconds: float = 20.0) -> None:
-    """Add the options for the load of a live graph."""
+def add_rate(parser: argparse.ArgumentParser) -> None:
+    """Add the option for the rate of simulated cameras."""
     parser.add_argument(
         "--rate",
         type=within(float, 1.0, 240.0),
@@ -120,6 +120,11 @@ def add_load(parser: argparse.ArgumentParser, seconds: float = 20.0) -> None:
         metavar="HZ",
         help="rate of the cameras; default 30",
     )
+
+
+def add_load(parser: argparse.ArgumentParser, seconds: float = 20.0) -> None:
+    """Add the options for the load of a live graph."""
+    add_rate(parser)
     parser.add_argument(
         "--seconds",
         type=within(float, 1.0, 3600.0),

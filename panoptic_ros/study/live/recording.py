@@ -19,6 +19,7 @@ from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.processes.usage import usage_of
 from panoptic_ros.running.runs.results import Results
 from panoptic_ros.stage import Progress, StageContext
+from panoptic_ros.study.live.graph import add_rate
 from panoptic_ros.study.live.graph_feed import simulated_feed
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
@@ -45,13 +46,7 @@ class RecorderMemory(Study):
             metavar="M",
             help="simulated duration of the run; default 10",
         )
-        parser.add_argument(
-            "--rate",
-            type=within(float, 1.0, 240.0),
-            default=30.0,
-            metavar="HZ",
-            help="rate of the cameras; default 30",
-        )
+        add_rate(parser)
         for name, default, text in (("--people", 3, "people"), ("--views", 4, "views")):
             parser.add_argument(
                 name,

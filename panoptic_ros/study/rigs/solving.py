@@ -14,27 +14,12 @@ from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence, pair_sequen
 from panoptic_ros.graph.build import configure, merged
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.io.skeletons import map_joints
+from panoptic_ros.simulation.skeleton import JOINTS
 from panoptic_ros.stage import StageContext
 from panoptic_ros.study.rigs.score import StudyScore, score_study
 from panoptic_ros.study.stage1.any_skeleton import set_in_joints
 
-SCORED = (
-    "Neck",
-    "Nose",
-    "BodyCenter",
-    "lShoulder",
-    "lElbow",
-    "lWrist",
-    "lHip",
-    "lKnee",
-    "lAnkle",
-    "rShoulder",
-    "rElbow",
-    "rWrist",
-    "rHip",
-    "rKnee",
-    "rAnkle",
-)
+SCORED = JOINTS[:15]  # all but eyes and ears
 SETTLED = 2  # frames at the start without a score, while the detector's noise level is estimated
 STAGES = ("association", "voting", "assembly")
 # each set is solved independently, as in the paper's first stage

@@ -1,13 +1,14 @@
-"""Joints of people whom one or two views show, estimated together for the whole body.
+"""Missing joints of tracked people and of people whom one or two views show, estimated for the whole body.
 
-With many views, a joint on which no two views agree is better left out. With two views, each error of one
-view would lose the joint, and the loss of a shoulder would lose the torso. So joints that the two views
-dispute, or that one view shows, are estimated together with the joints on which they agree
+With many views, a joint of a new person on which no two views agree is better left out. With two views, each
+error of one view would lose the joint, and the loss of a shoulder would lose the torso. So joints that the
+two views dispute, or that one view shows, are estimated together with the joints on which they agree
 (`solving.bodies`). Unknown bone lengths are those of the other side.
 
-For a tracked person more is known: a predicted position with its uncertainty for every joint, and bone
-lengths that were learnt while many views saw the person. Then the rays of one view are sufficient. Depth that
-only the prediction determines becomes less and less certain, until the joint is dropped.
+For a tracked person more is known: a predicted position with its uncertainty for every joint, and learnt
+bone lengths. Then the rays of one view are sufficient, and every missing joint is estimated, whatever the
+number of views. Depth that only the prediction determines becomes less and less certain, until the joint is
+dropped.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.assembly.judgement import FEW_VIEWS, JointEstimates
+from panoptic_ros.assembly.judgement import JointEstimates
 from panoptic_ros.domain import Prediction
 from panoptic_ros.domain.of_all import joined, selected
 from panoptic_ros.geometry.symmetric import invert_symmetric, largest_eigenvalue, solve_symmetric
@@ -116,8 +117,8 @@ def hold_people(
     """Return the kept people and the people that can be held in addition, with the joints placed here.
 
     Args:
-        people: Tuple of three: rows of tracked candidates with few views; rows of the candidates that were
-            kept; joints of the latter.
+        people: Tuple of three: rows of tracked candidates that a view shows; rows of the candidates that
+            were kept; joints of the latter.
         shown: Observations of the candidates.
         worst: Standard deviation beyond which a joint is dropped, m.
 
@@ -126,8 +127,8 @@ def hold_people(
         joints: Joints of these people.
         placed: (P, J) whether a joint was placed here.
     """
-    few, kept, joints = people
-    held = np.setdiff1d(few, kept)
+    tracked, kept, joints = people
+    held = np.setdiff1d(tracked, kept)
     p, up = prediction, upwards(scene.cams.rotations[np.unique(scene.evidence.view)])  # others point anywhere
     followed = TrackPredictions(p.positions, p.velocities, p.ages, p.variances, p.lengths, up)
     rows, nothing = np.concatenate([kept, held]), JointEstimates.nothing(len(held), joints.views.shape[1])
@@ -155,9 +156,10 @@ def place_joints(rows, shown, joints, body, sight):
         rays, scores, number = _rays_of(shown, k)
         known = _of_solved(joints, k, body)
         begin(known, rays, body, shown.expected[k])
-        places, covariances, _ = estimate(known, rays, body)
+        missing = np.isnan(joints.positions[k, :, 0])
+        places, covariances, _ = estimate(known, rays, body, missing)
         for j in range(len(number)):
-            if np.isnan(joints.positions[k, j, 0]) and np.isfinite(places[j, 0]):
+            if missing[j] and np.isfinite(places[j, 0]):
                 joints.positions[k, j], joints.covariances[k, j] = places[j], covariances[j]
                 joints.scores[k, j], joints.views[k, j] = scores[j], number[j]
 
@@ -178,21 +180,21 @@ def hold_joints(rows, kept, shown, followed, joints, body, worst):
     fresh = joints.positions[:kept][shown.who[rows[:kept]] < 0]
     for row in range(len(rows)):
         k, who = rows[row], shown.who[rows[row]]
-        few = 1 <= np.sum(shown.member[k] >= 0) <= FEW_VIEWS
-        if who < 0 or not few or not np.isnan(joints.positions[row, :, 0]).any():
+        if who < 0 or not np.isnan(joints.positions[row, :, 0]).any():
             continue
         rays, scores, number = _rays_of(shown, k)
         if np.sum(number > 0) < FEWEST_JOINTS:
             continue
         known = _expected(followed, who, number > 0, body)
         _take_solved(known, joints, row)
-        places, covariances, residuals = estimate(known, rays, body)
+        missing = np.isnan(joints.positions[row, :, 0])
+        places, covariances, residuals = estimate(known, rays, body, missing)
         fits = residuals.ravel()[np.isfinite(residuals.ravel())]
         if not len(fits) or np.median(fits) > WORST_FIT:
             continue
         for j in range(len(number)):
             sure = GROWTH * largest_eigenvalue(covariances[j]) <= worst**2  # False for NaN
-            placed[row, j] = sure and np.isnan(joints.positions[row, j, 0])
+            placed[row, j] = sure and missing[j]
             if not placed[row, j]:
                 places[j] = np.nan
         there[row] |= placed[row].any() and not _is_there(places, fresh)
