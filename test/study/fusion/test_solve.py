@@ -12,19 +12,19 @@ from panoptic_ros.study.fusion import solve
 from panoptic_ros.study.names import parsed
 from panoptic_ros.study.world import simulated_world
 
-REQUEST = {"scene": "three-views-2p", "seed": 3, "frames": 12}
+REQUEST = {"scene": "clean-4p5v", "seed": 3, "frames": 12}
 
 
 def test_every_stage_has_its_time_and_no_joint_of_easy_people_is_far_off():
     row = solve.measure_case(REQUEST)
     times = [row[f"{stage}_ms"] for stage in solve.STAGES]
-    assert min(times) > 0.0 and max(times) < row["whole_ms"] and (row["frames"], row["views"]) == (12, 3)
-    assert row["far"] == 0 < row["joints"] <= 12 * 2 * 19
+    assert min(times) > 0.0 and max(times) < row["whole_ms"] and (row["frames"], row["views"]) == (12, 5)
+    assert row["far"] == 0 < row["joints"] <= 12 * 4 * 19
 
 
 def test_joints_that_are_far_off_are_counted(monkeypatch):
     """The truth of one joint of one person is moved by 15 cm in five frames."""
-    world = simulated_world("three-views-2p", 3, 12)
+    world = simulated_world("clean-4p5v", 3, 12)
 
     def moved(frame, k):
         positions = frame.positions.copy()
@@ -39,11 +39,11 @@ def test_joints_that_are_far_off_are_counted(monkeypatch):
 
 
 def test_the_table_names_all_cases_and_sums_up(capsys):
-    arguments = ["study", "solve", "--scenes", "three-views-2p", "--seeds", "3:4", "--frames", "12", "--json"]
+    arguments = ["study", "solve", "--scenes", "clean-4p5v", "--seeds", "3:4", "--frames", "12", "--json"]
     assert main(arguments) == 0
     result = json.loads(capsys.readouterr().out)
     text = list(parsed("solve", []).lines(result))
-    assert text[1].startswith("three-views-2p 3") and len(text) == 3
+    assert text[1].startswith("clean-4p5v 3") and len(text) == 3
     joints = result["rows"][0]["joints"]
     assert f"0 of {joints} joints" in text[-1] and np.isfinite(result["rows"][0]["whole_ms"])
 
