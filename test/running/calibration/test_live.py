@@ -32,7 +32,7 @@ BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class FakeCameras:
-    """Drivers that show a moving board in real time: guide_a as raw images, guide_b as JPEG. A context manager."""
+    """Drivers that show a moving board in real time: guide_a raw, guide_b as JPEG. A context manager."""
 
     def __init__(self, pictures):
         self._pictures, self._over = pictures, threading.Event()
