@@ -128,7 +128,9 @@ def hold_people(
         placed: (P, J) whether a joint was placed here.
     """
     tracked, kept, joints = people
-    held = np.setdiff1d(tracked, kept)
+    beside = np.ones(len(shown.who), bool)
+    beside[kept] = False
+    held = tracked[beside[tracked]]
     p, up = prediction, upwards(scene.cams.rotations[np.unique(scene.evidence.view)])  # others point anywhere
     followed = TrackPredictions(p.positions, p.velocities, p.ages, p.variances, p.lengths, up)
     rows, nothing = np.concatenate([kept, held]), JointEstimates.nothing(len(held), joints.views.shape[1])

@@ -256,8 +256,9 @@ class AssemblyStage(Stateful):
         joints.derive(self._skeleton)
         kept = kept_people(joints, good, member)
         own, placed = selected(joints, kept), np.zeros((len(kept), len(self._skeleton)), bool)
-        complete = kept[np.isfinite(own.positions[..., 0]).all(axis=1)]
-        tracked = np.setdiff1d(np.flatnonzero((shown > 0) & (found.who >= 0)), complete)
+        incomplete = (shown > 0) & (found.who >= 0)
+        incomplete[kept[np.isfinite(own.positions[..., 0]).all(axis=1)]] = False
+        tracked = np.flatnonzero(incomplete)
         prediction = item.association.prediction
         if config.held_sigma > 0.0 and len(tracked) and prediction.lengths.shape[1] == len(self._body.bones):
             people, worst = (tracked, kept, own), config.held_sigma
