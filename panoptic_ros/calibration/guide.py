@@ -33,6 +33,7 @@ MOVED = 0.03
 TOGETHER_S = 0.1  # s, longest time between two views that link their cameras: half the period of the search
 FEWEST_LINKS = 3  # instants that link two cameras: fewer have no majority for the medoid of relative poses
 FIRST_FOCAL = 0.8  # focal length over the longer side of the image, until the first solution
+NOT_SEEN, SOLVING = "no board was seen yet", "the first views are being solved"
 MOST_STEPS = 2  # steps in one line of advice
 SIDES = {
     "left edge": np.s_[:, 0],
@@ -110,7 +111,7 @@ class CalibrationGuide:
         self._distances: list[float] = []  # m, by view
         self._links: dict[tuple[int, int], int] = {(a, b): 0 for b in range(len(cameras)) for a in range(b)}
         self._quality: Quality | None = None
-        self._unsolved = "no board was seen yet"
+        self._unsolved = NOT_SEEN
 
     @property
     def views(self) -> tuple[TargetView, ...]:
@@ -125,6 +126,8 @@ class CalibrationGuide:
         """
         if not any(self._has_moved(view) for view in seen):
             return False
+        if not self._views:
+            self._unsolved = SOLVING
         self._views += seen
         for view in seen:
             self._last[view.camera] = view

@@ -84,6 +84,8 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.running.calibration.recorded_board import board_of  # imported here to keep --help fast
 
     check_live_usage(args)
+    if args.paper and args.folder != PRINT:
+        raise UsageError("--paper is for `panoptic calibrate print`")
     out = output_file(args.out) if args.folder == PRINT else output_folder(args.out)
     if args.people:
         return run_people(args, output_folder(args.out))

@@ -76,7 +76,10 @@ def record_live(args: argparse.Namespace, out: Path, board: Any) -> str:
         open_page(address, not args.no_browser)
 
     folder = record_with_guide(out, board, options, show, ready, _tell)
-    _tell(f"recorded {folder}; `panoptic calibrate {folder} --board {args.board} --out DIR` reads it again")
+    again = f" --lens {args.lens}" + (f" --intrinsics {args.intrinsics}" if args.intrinsics else "")
+    again += " --synchronous" if args.synchronous else ""
+    again = f"panoptic calibrate {folder} --board {args.board}{again} --out DIR"
+    _tell(f"recorded {folder}; `{again}` reads it again")
     return str(folder)
 
 

@@ -62,6 +62,8 @@ def check_output_folder(path: Path) -> Path:
         raise DataError(f"cannot write into {path}: it is the root of the file system; name a folder in it")
     if target.exists() and not target.is_dir():
         raise DataError(f"cannot write into {path}: it is a file; name a folder")
+    if target.is_dir() and not os.access(target, os.W_OK | os.X_OK):
+        raise EnvironmentProblem(f"cannot write into {path}: no permission")
     _check_parent(path, target)
     return target
 

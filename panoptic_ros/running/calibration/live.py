@@ -91,7 +91,7 @@ def record_with_guide(
     path = out / RECORDING
     recorder = ImageRecorder(path)
     with first_request_told() as asked, ExitStack() as stack:
-        found = find_cameras(options.cameras, options.topics, tell)
+        found = find_cameras(options.cameras, options.topics, tell, asked)
         cameras = stack.enter_context(LiveCameras(found))
         pool = stack.enter_context(ThreadPoolExecutor(max(1, free_threads(1) - 1)))
         searches = [LiveBoardSearch(name, board, camera.encoding) for name, camera in found.items()]

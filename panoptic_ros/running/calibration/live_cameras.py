@@ -38,15 +38,16 @@ class ImageTopic(NamedTuple):
 
 
 def find_cameras(
-    names: Sequence[str], topics: Path | None, tell: Callable[[str], None]
+    names: Sequence[str], topics: Path | None, tell: Callable[[str], None], stop: Callable[[], bool]
 ) -> dict[str, ImageTopic]:
     """Return the live cameras by name: those of a file of topics, those named, or all.
 
     Raises:
         UserError: if one is missing.
+        KeyboardInterrupt: on a stop during the search.
     """
     prepare_environment()
-    found = _of_file(topics) if topics is not None else _published(names)
+    found = _of_file(topics) if topics is not None else _published(names, stop)
     tell("cameras: " + ", ".join(f"{name} ({camera.topic})" for name, camera in found.items()))
     return found
 
@@ -67,7 +68,7 @@ def _of_file(path: Path) -> dict[str, ImageTopic]:
     return {name: ImageTopic(own.image, types[own.image], own.encoding) for name, own in cameras.items()}
 
 
-def _published(names: Sequence[str]) -> dict[str, ImageTopic]:
+def _published(names: Sequence[str], stop: Callable[[], bool]) -> dict[str, ImageTopic]:
     """Return the cameras that publish images now; wait for those that are named."""
     context = rclpy.context.Context()
     start_ros([], context)
@@ -85,6 +86,8 @@ def _published(names: Sequence[str]) -> dict[str, ImageTopic]:
                 return {name: found[name] for name in names}
             if found and not names and now - newest > SETTLE_S:
                 return found
+            if stop():
+                raise KeyboardInterrupt
             if now - begin > PATIENCE_S:
                 raise EnvironmentProblem(_missing(names, found))
             time.sleep(LOOK_S)

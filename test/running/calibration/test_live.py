@@ -119,6 +119,8 @@ def test_a_board_before_live_cameras_gives_a_rig(tmp_path):
         (["x", "--cameras", "cam0"], "--cameras is for --live"),
         (["x", "--no-browser"], "--no-browser is for --live"),
         (["--live", "--people"], "--people is not for --live"),
+        (["--live", "--paper", "a4"], "--paper is for `panoptic calibrate print`"),
+        (["x", "--paper", "a4"], "--paper is for `panoptic calibrate print`"),
         (["--live", "--floor", "1"], "--floor is not for --live"),
         (["--live", "--board", "wand:0/150/500mm"], "--live needs a flat board"),
         (["--live", "--cameras", "a", "--topics", "b.yaml"], "leave --cameras out"),
@@ -137,6 +139,13 @@ def test_cameras_that_are_not_there_are_named(tmp_path, capsys, monkeypatch):
     assert main(["calibrate", "--live", "--cameras", "no_such", "--out", str(tmp_path / "o")]) == 2
     told = capsys.readouterr().err  # other graphs may publish images
     assert re.search(r"no camera (no_such )?publishes images within 1 s", told) and told.count("\n") == 1
+
+
+def test_a_stop_during_the_search_for_cameras_is_obeyed_at_once():
+    begin = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        live_cameras.find_cameras(["no_such"], None, print, lambda: True)
+    assert time.monotonic() - begin < 0.5 * live_cameras.PATIENCE_S
 
 
 def test_topics_without_images_are_named(tmp_path, capsys, monkeypatch):
