@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import struct
-import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,15 +11,15 @@ import numpy as np
 from panoptic_ros.calibration.guide import FEWEST_LINKS, GuideState
 from panoptic_ros.calibration.quality import GOOD_VIEWS
 from panoptic_ros.view.guide_table import error_line, overall_line
-from panoptic_ros.view.page.live import Client
 from panoptic_ros.view.page.mailbox import PageInstant
 from panoptic_ros.view.page.packets import PageMessage
+from panoptic_ros.view.page.scene import Client, PageScene
 
 Array = np.ndarray
 FINE = 65535  # corners are shares of the image's width and height, as uint16
 
 
-class GuideScene:
+class GuideScene(PageScene):
     """Exchange between a live calibration and the thread that serves its pages. See `LiveScene`.
 
     Args:
@@ -28,10 +27,9 @@ class GuideScene:
     """
 
     def __init__(self, cameras: Mapping[str, tuple[int, int]]):
+        super().__init__()
         self._sizes = dict(cameras)
         self._places = {name: place for place, name in enumerate(cameras)}
-        self._lock = threading.Lock()
-        self._clients: list[Client] = []
         self._state: dict[str, Any] = {"type": "waiting", "text": "waiting for the first images"}
         self._facts = {
             "type": "facts",
@@ -57,34 +55,8 @@ class GuideScene:
 
     # ------------------------------------------------------------- called by the server
 
-    def facts(self) -> dict[str, Any] | None:
-        """Return the first document of a page."""
-        return self._facts
-
-    def attach(self, wake: Callable[[], None]) -> Client:
-        """Add a page; see `LiveScene`."""
-        client = Client(wake)
-        with self._lock:
-            self._clients.append(client)
-        return client
-
-    def detach(self, client: Client) -> None:
-        """Remove a page."""
-        with self._lock:
-            self._clients.remove(client)
-
     def choose(self, client: Client, keys: Sequence[str]) -> None:
         """Do nothing: a page shows all."""
-
-    def collect(self, client: Client) -> list[PageMessage] | None:
-        """Return the messages to send to a client now, or None."""
-        with self._lock:
-            return client.mailbox.take()
-
-    def drawn(self, client: Client) -> None:
-        """Record that a page has drawn a packet."""
-        with self._lock:
-            client.mailbox.drawn()
 
     def state(self, client: Client, now_s: float) -> Mapping[str, Any]:
         """Return the newest state."""

@@ -7,18 +7,18 @@ these.
 
 from __future__ import annotations
 
-import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
 from panoptic_ros.domain import Rig, SkeletonModel
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.topics import ALWAYS_SHOWN, ASKED_FOR, TOPICS
 from panoptic_ros.view.page.facts import PageTopic, SceneFacts
-from panoptic_ros.view.page.mailbox import Mailbox, PageInstant
+from panoptic_ros.view.page.mailbox import PageInstant
 from panoptic_ros.view.page.packets import PageMessage
 from panoptic_ros.view.page.peek import detections_head, skeletons_head, stamp_of_bytes
+from panoptic_ros.view.page.scene import Client, PageScene
 
 WINDOW_S = 2.0  # s; window over which rates are counted
 PLAUSIBLE_S = 60.0  # s; a timestamp farther from the wall clock than this belongs to another clock
@@ -150,16 +150,7 @@ class MessageStatistics:
         return {"rate_hz": recent / WINDOW_S, "age_s": age}
 
 
-class Client:
-    """State of one page: its mailbox, its topic keys, and the callback that wakes its sender."""
-
-    def __init__(self, wake: Callable[[], None]):
-        self.mailbox = Mailbox()
-        self.keys: frozenset[str] = frozenset(ALWAYS_SHOWN)
-        self.wake = wake
-
-
-class LiveScene:
+class LiveScene(PageScene):
     """Exchange between the thread that receives messages and the thread that serves pages.
 
     The feeding node needs to subscribe only to topics that `wanted` returns. Without a page, it subscribes to
@@ -170,12 +161,10 @@ class LiveScene:
 
     def __init__(self, title: str = "live graph") -> None:
         self._title = title
-        self._lock = threading.Lock()
-        self._clients: list[Client] = []
+        super().__init__()
         self._pairing = MessagePairing()
         self._places: dict[tuple[str, str], int] = {}
         self._rig: Rig | None = None
-        self._facts: dict[str, Any] | None = None
         self.health = MessageStatistics()
         self.bad_messages = 0
 
@@ -235,40 +224,10 @@ class LiveScene:
 
     # ------------------------------------------------------------- called by the server
 
-    def facts(self) -> dict[str, Any] | None:
-        """Return the first document of a page, or None without a rig.
-
-        The result is the same object until the document changes.
-        """
-        with self._lock:
-            return self._facts
-
-    def attach(self, wake: Callable[[], None]) -> Client:
-        """Add a page; `wake` is called from any thread when there may be something to send."""
-        client = Client(wake)
-        with self._lock:
-            self._clients.append(client)
-        return client
-
-    def detach(self, client: Client) -> None:
-        """Remove a page."""
-        with self._lock:
-            self._clients.remove(client)
-
     def choose(self, client: Client, keys: Sequence[str]) -> None:
         """Set the topics that a page shows in addition to those that are always shown."""
         with self._lock:
             client.keys = frozenset((*ALWAYS_SHOWN, *(key for key in keys if key in ASKED_FOR)))
-
-    def collect(self, client: Client) -> list[PageMessage] | None:
-        """Return the messages to send to a client now, or None."""
-        with self._lock:
-            return client.mailbox.take()
-
-    def drawn(self, client: Client) -> None:
-        """Record that a page has drawn a packet."""
-        with self._lock:
-            client.mailbox.drawn()
 
     def state(self, client: Client, now_s: float) -> dict[str, Any]:
         """Return the health of the graph, with the drop count of this page and the number of bad messages."""

@@ -12,8 +12,8 @@ from typing import Any, Protocol
 
 from websockets.asyncio.server import ServerConnection
 
-from panoptic_ros.view.page.live import Client
 from panoptic_ros.view.page.packets import PacketKind, PageMessage, pack
+from panoptic_ros.view.page.scene import Client
 from panoptic_ros.view.page.server import as_json, asked_by, seconds
 
 HEALTH_S = 0.5
