@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 from panoptic_ros.cli.offsets import add_offset_options
 from panoptic_ros.cli.options import add_occluder_option, add_parameter_options, names
 from panoptic_ros.running.arguments import output_file
-from panoptic_ros.running.start_up import collection_paused
 from panoptic_ros.stage import untold
 
 if TYPE_CHECKING:
@@ -58,13 +57,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Solve a file and write the 3D poses."""
-    with collection_paused():  # imported here to keep --help fast
-        from panoptic_ros.io.plain_formats import write_skeletons
-        from panoptic_ros.io.recorded_people import AUTO
-        from panoptic_ros.io.rigs import write_rig
-        from panoptic_ros.running.plans.parameters import read_parameters
-        from panoptic_ros.running.plans.presets import read_preset
-        from panoptic_ros.running.solve import check, read_task, solve
+    from panoptic_ros.io.plain_formats import write_skeletons  # imported here to keep --help fast
+    from panoptic_ros.io.recorded_people import AUTO
+    from panoptic_ros.io.rigs import write_rig
+    from panoptic_ros.running.plans.parameters import read_parameters
+    from panoptic_ros.running.plans.presets import read_preset
+    from panoptic_ros.running.solve import check, read_task, solve
 
     preset = read_preset(args.preset)
     settings = [*args.settings, *(["health.repair=true"] if args.repair else [])]

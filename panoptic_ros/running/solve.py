@@ -24,7 +24,6 @@ from panoptic_ros.params import Config, config_of
 from panoptic_ros.running.grouping import grouped, is_ungrouped, views_in_order
 from panoptic_ros.running.plans.parameters import with_occluders
 from panoptic_ros.running.plans.rig_files import read_rig_at
-from panoptic_ros.running.start_up import collection_paused
 from panoptic_ros.stage import Notice, StageContext
 from panoptic_ros.sync.far_views import without_far_views
 
@@ -136,16 +135,15 @@ def solve(task: SolveTask, warnings: Sequence[Notice] = ()) -> SolveResult:
     sets, notices = without_far_views(task.sets)
     spent: dict[str, list[int]] = {}
     kept: dict[str, list[Any]] = {"skeletons": poses, REPAIRED: []}
-    with collection_paused():
-        pipeline = Pipeline(
-            task.configs,
-            task.context,
-            (*FUSION, "health"),
-            on_record=lambda topic, record: kept[topic].append(record) if topic in kept else None,
-            on_notice=lambda stage, notice: notices.append(notice),
-            on_step=lambda stage, ns: spent.setdefault(stage, []).append(ns),
-            clock=time.perf_counter_ns,
-        )
+    pipeline = Pipeline(
+        task.configs,
+        task.context,
+        (*FUSION, "health"),
+        on_record=lambda topic, record: kept[topic].append(record) if topic in kept else None,
+        on_notice=lambda stage, notice: notices.append(notice),
+        on_step=lambda stage, ns: spent.setdefault(stage, []).append(ns),
+        clock=time.perf_counter_ns,
+    )
     for item in sets:
         pipeline.push("detection_sets", item)
     pipeline.flush()

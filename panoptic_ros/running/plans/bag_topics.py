@@ -124,7 +124,7 @@ def topics_by_camera(kinds: Mapping[str, str], where: str) -> dict[str, tuple[st
         if name in named:
             raise DataError(
                 f"{where}: topics {named[name][0]} and {topic} belong to one camera {name}; "
-                "record one of them"
+                "use one of them"
             )
         named[name] = topic, key
     return named
