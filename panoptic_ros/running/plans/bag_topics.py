@@ -123,8 +123,7 @@ def topics_by_camera(kinds: Mapping[str, str], where: str) -> dict[str, tuple[st
         name = (space[: len(space) - shared] or space)[-1]
         if name in named:
             raise DataError(
-                f"{where}: topics {named[name][0]} and {topic} belong to one camera {name}; "
-                "use one of them"
+                f"{where}: topics {named[name][0]} and {topic} belong to one camera {name}; use one of them"
             )
         named[name] = topic, key
     return named
