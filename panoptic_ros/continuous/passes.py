@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from panoptic_ros.continuous.appearance import appearance
 from panoptic_ros.continuous.bones import rigid_pairs
-from panoptic_ros.continuous.bystanders import are_inside
 from panoptic_ros.continuous.clocks import MARGIN_S, CameraTimes, FreeClocks, estimate_times
 from panoptic_ros.continuous.config import ContinuousConfig
 from panoptic_ros.continuous.faults import (
@@ -18,11 +18,12 @@ from panoptic_ros.continuous.faults import (
     misfit_notices,
     views_without,
 )
-from panoptic_ros.continuous.follow import ViewTrack, camera_periods, follow
+from panoptic_ros.continuous.follow import camera_periods, follow
 from panoptic_ros.continuous.motion_result import ContinuousMotion
 from panoptic_ros.continuous.person import PersonCurve, fit_person
 from panoptic_ros.continuous.problem import CurveProblem, TrackRays, grid_over
 from panoptic_ros.continuous.returns import with_identities
+from panoptic_ros.continuous.seen_views import SeenViews
 from panoptic_ros.continuous.stamps import partial_notices, usable_views
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import DataError, UsageError
@@ -36,7 +37,6 @@ Array = np.ndarray
 CLOCK_ROUNDS = 2  # association and clocks in turn: wrong clocks cost some views of fast people
 LEAST_VIEWS = 4  # minimum number of views of a person in a part that is used for clocks
 UNKNOWN_PERIOD_S = 0.1  # s between frames where no camera has two
-INSIDE_EVERY = 10  # views of a person from one test of its place to the next
 FAULT_ROUNDS = 2  # number of repetitions without views whose timestamps contradict the others
 CLOCKS_SHARE = 0.5  # share of the run time for clocks
 
@@ -110,12 +110,15 @@ class ContinuousPass:
         share = part_of(progress, begin, 1.0)
         for k, track in enumerate(tracks):
             share(k / len(tracks), "fitting curves")
-            person = self._person(k, track, ordered, stamps[order], times, clocks)
-            if self._was_inside(person, track, ordered, times, period):
-                people.append(person)
+            seen = SeenViews.of(track.entries, ordered, stamps[order], self._mirror)
+            corrected = seen._replace(times=times[seen.frames])
+            person = self._person(k, seen, corrected.times, clocks)
+            came = appearance(corrected, person.at, period, self._rig.cameras, self._needed_views)
+            if came is not None:
+                people.append((person, came))
         progress(1.0, "fitting curves")
         motion = ContinuousMotion(
-            tuple(with_identities(people, self._skeleton, self._pairs)),
+            tuple(with_identities(people, self._skeleton, self._pairs, 0.5 * period)),
             reference,
             reference + round(1e9 * float(times[0])),
             reference + round(1e9 * float(times[-1])),
@@ -128,7 +131,7 @@ class ContinuousPass:
             tuple(misfit_notices(ordered, times, tracks, self._rig.names)),
             CalibrationErrors.of(self._rig.cameras),
         )
-        faults = clock_faults(ordered, times, people, self._arrays)
+        faults = clock_faults(ordered, times, [person for person, _ in people], self._arrays)
         return motion, faults, views_without(faults, ordered, times)
 
     def _ordered(
@@ -142,36 +145,11 @@ class ContinuousPass:
         order = np.argsort(times, kind="stable")
         return order, times[order]
 
-    def _person(
-        self,
-        number: int,
-        track: ViewTrack,
-        frames: Sequence[CameraFrame],
-        stamps: Array,
-        times: Array,
-        clocks: CameraTimes,
-    ) -> PersonCurve:
-        rays = TrackRays.of(track.entries, frames, stamps, self._arrays, self._mirror)
-        seen = np.sort(times[[entry.frame for entry in track.entries]])
-        person = fit_person(number, rays, clocks.times(rays), seen, self._arrays, self._pairs)
+    def _person(self, number: int, seen: SeenViews, times: Array, clocks: CameraTimes) -> PersonCurve:
+        """Return the curves of a person, given the views with uncorrected and corrected times (V,) s."""
+        rays = TrackRays.of_views(seen, self._arrays)
+        person = fit_person(number, rays, clocks.times(rays), times, self._arrays, self._pairs)
         return person.with_derived(self._skeleton.derived)
-
-    def _was_inside(
-        self,
-        person: PersonCurve,
-        track: ViewTrack,
-        frames: Sequence[CameraFrame],
-        times: Array,
-        period: float,
-    ) -> bool:
-        """Return whether a person was in the capture space at any time."""
-        rows = [entry.frame for entry in track.entries]
-        cameras = np.array([frames[row].camera for row in rows])
-        instants = person.seen[::INSIDE_EVERY]
-        at = person.at(instants)
-        rig = self._rig.cameras
-        inside = are_inside(instants, at, times[rows], cameras, period, rig, self._needed_views)
-        return bool(inside.any())
 
     def _estimate(
         self, frames: Sequence[CameraFrame], stamps: Array, clocks: CameraTimes, progress: Progress

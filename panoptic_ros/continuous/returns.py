@@ -8,10 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from panoptic_ros.continuous.appearance import Appearance, ground_place
 from panoptic_ros.continuous.bones import LearntLengths
 from panoptic_ros.continuous.person import PersonCurve
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.identity.likeness import BoneLengths, bone_evidence, paired, place_evidence
+from panoptic_ros.identity.numbering import numbering_order
 from panoptic_ros.identity.returns import RETURN_S, returns_at_once
 
 Array = np.ndarray
@@ -74,16 +76,19 @@ def _bones(people: Sequence[SeenPerson]) -> BoneLengths:
 
 
 def with_identities(
-    people: Sequence[PersonCurve], skeleton: SkeletonModel, pairs: Array
+    people: Sequence[tuple[PersonCurve, Appearance]], skeleton: SkeletonModel, pairs: Array, interval: float
 ) -> list[PersonCurve]:
     """Return the curves in the order of their starts, numbered by person.
 
     Args:
+        people: Curves and the appearances.
         pairs: (P, 2) joints of the learnt lengths.
+        interval: (s) see `identity.numbering.numbering_order`.
     """
     search = ReturnSearch(skeleton, pairs)
-    found = sorted(people, key=lambda person: float(person.seen[0]))
-    ids = 0
+    ordered = sorted(people, key=lambda one: float(one[0].seen[0]))
+    found = [person for person, _ in ordered]
+    firsts = list(range(len(found)))  # index of the first curve of the same person
     lost: dict[int, SeenPerson] = {}  # ends of the curves that no curve continues, by index
     for k, person in enumerate(found):
         first, last = (
@@ -91,19 +96,20 @@ def with_identities(
             for time in (float(person.seen[0]), float(person.seen[-1]))
         )
         row = search.returned(list(lost.values()), first)
-        if row is None:
-            found[k] = replace(person, id=ids)
-            ids += 1
-        else:
+        if row is not None:
             earlier = list(lost)[row]
             found[earlier] = replace(found[earlier], until=first.time)
-            found[k] = replace(person, id=found[earlier].id)
+            firsts[k] = firsts[earlier]
             del lost[earlier]
         lost[k] = last
-    return found
+    new = np.unique(firsts)
+    came = [ordered[k][1] for k in new.tolist()]
+    places, times = np.array([one.place for one in came]), np.array([one.time for one in came])
+    order = numbering_order(places.reshape(-1, 2), times, interval)
+    ids = {int(new[row]): number for number, row in enumerate(order.tolist())}
+    return [replace(person, id=ids[first]) for person, first in zip(found, firsts)]
 
 
 def _place(person: PersonCurve, time: float) -> Array:
     """Return the place (2,) m of a person on the ground."""
-    place: Array = np.nanmedian(person.at(np.array([time]))[0], axis=0)[:2]
-    return place
+    return ground_place(person.at(np.array([time]))[0])

@@ -25,6 +25,7 @@ from panoptic_ros.identity.likeness import (
     seen_bones,
 )
 from panoptic_ros.identity.motion import JointMotion
+from panoptic_ros.identity.numbering import numbering_order
 from panoptic_ros.identity.returns import RETURN_S, returns_at_once
 from panoptic_ros.identity.subjects import VisibleTracks, found_subjects, subjects_of
 from panoptic_ros.solving.limbs import limbs_of
@@ -257,6 +258,7 @@ class TrackingStage(Stateful):
         if not ready:
             return ()
         tracks, notices, fresh = self._tracks, [], np.array(ready)
+        fresh = fresh[numbering_order(tracks.bodies.middles[fresh, :2])]
         away = (tracks.ids >= 0) & (tracks.missed > RETURN_S)
         lost = np.flatnonzero((tracks.ids >= 0) & (tracks.missed > 0.0) & away.any())
         if self._config.method == "head":  # this method uses the head alone
@@ -265,7 +267,7 @@ class TrackingStage(Stateful):
         odds = return_odds(selected(tracks, lost), came, self._pairs)
         found = recognised(odds, tracks.seconds[fresh], self._config.recognition_time)
         gone = []
-        for t, who in zip(ready, found.tolist()):
+        for t, who in zip(fresh.tolist(), found.tolist()):
             if who == WAIT:
                 continue
             if who == NEW:

@@ -1,0 +1,32 @@
+"""Order in which new people are numbered. It depends on neither rows, cameras nor stages."""
+
+from __future__ import annotations
+
+import numpy as np
+
+Array = np.ndarray
+# Direction on the ground, x and y of the world. Its slope is the golden ratio, which is farthest from all
+# simple fractions, so people in rows and grids of a room have distinct places along it.
+DIRECTION = np.array([1.0, 0.5 * (np.sqrt(5.0) - 1.0)])
+
+
+def numbering_order(places: Array, times: Array | None = None, interval: float = 0.0) -> Array:
+    """Return the order (P,) in which people who have appeared get their numbers.
+
+    Earlier people come first. People who have appeared together are in order of their places.
+
+    Args:
+        places: (P, 2) m, world, places on the ground at appearance.
+        times: (P,) s, of appearance; None = the same time for all.
+        interval: (s) time from the first of several people in which the others have appeared together with it.
+    """
+    if times is None:
+        times = np.zeros(len(places))
+    groups = np.zeros(len(places), np.int64)
+    first, group = -np.inf, 0
+    for row in np.argsort(times, kind="stable").tolist():
+        if times[row] > first + interval:
+            first, group = times[row], group + 1
+        groups[row] = group
+    order: Array = np.lexsort((places @ DIRECTION, groups))
+    return order
