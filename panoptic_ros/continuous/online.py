@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from panoptic_ros.continuous.appearance import Appearance, ground_place, well_shown
 from panoptic_ros.continuous.bones import (
     LearntLengths,
     PairDistances,
@@ -37,6 +38,7 @@ from panoptic_ros.domain import JointState, SkeletonModel
 from panoptic_ros.domain.of_all import joined
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.geometry.splines import control_points
+from panoptic_ros.identity.numbering import numbering_order
 from panoptic_ros.identity.returns import RETURN_S
 from panoptic_ros.solving.calibration_errors import CalibrationErrors
 from panoptic_ros.solving.capture_space import CAPTURE_VIEWS, needed_views
@@ -50,6 +52,8 @@ LEARNING_S, LEARNING_VIEWS = 1.6, 120
 LEARN_EVERY_S = 0.15  # s between two times of learning
 # iterations of learning: of a new person, while a person has fewer views than LEARNING_S, and later
 FIRST_ROUNDS, EARLY_ROUNDS, ROUNDS = 8, 3, 1
+# s from the appearance of a person to its number: those who appear together are confirmed within it
+HOLD_S = 0.1
 KEPT_DISTANCES = 500  # number of newest measurements of lengths that are kept
 LEAST_DISTANCES = 25  # minimum number of measurements from which lengths are used
 KEPT_STEPS = 9  # number of newest times between frames whose median is the period of a camera
@@ -108,14 +112,14 @@ class OnlinePerson:
     """Person who is followed online.
 
     Args:
-        id: Number of the person, from confirmation on.
+        id: Number of the person; -1 = not numbered yet, such people are not reported.
         track: Filters, and the 2D people of the kept views.
         seen: The same views as arrays.
         learnt_at: Time of the newest learning, s.
         noise: Learnt noise and stiffness. None before the first learning.
         distances: Newest measurements of the lengths.
         bones: Learnt lengths. None before there are enough measurements.
-        inside: Whether the person was in the capture space; others are not reported.
+        appeared: Appearance; None = the person was never in the capture space, and is not reported.
     """
 
     id: int
@@ -125,7 +129,7 @@ class OnlinePerson:
     noise: LearntNoise | None = None
     distances: PairDistances | None = None
     bones: LearntLengths | None = None
-    inside: bool = False
+    appeared: Appearance | None = None
 
 
 class OnlineMotion:
@@ -179,6 +183,7 @@ class OnlineMotion:
                 if track.number not in self._people:
                     self._people[track.number] = self._new_person(track, time)
                 self._update(self._people[track.number], oldest)
+        self._number_people(time)
 
     def settle(self) -> None:
         """Learn from the newest views of one person, if that is due."""
@@ -189,12 +194,12 @@ class OnlineMotion:
     def at(self, time: float) -> list[PersonInstant]:
         """Return the people at a time (s), by id, from the views that were taken. Nothing is changed.
 
-        People whose noise is not known yet are left out, and so are bystanders.
+        People whose noise or number is not known yet are left out, and so are bystanders.
         """
         period = self._periods.typical
         found = []
         for person in self._people.values():
-            if person.noise is None or not person.inside:
+            if person.noise is None or person.appeared is None or person.id < 0:
                 continue
             if was_seen(np.array([time]), person.seen.times)[0]:
                 fit = self._fit(person, person.noise, time)
@@ -214,7 +219,7 @@ class OnlineMotion:
         """Move people whose tracks have ended to those who may return, at a time (s)."""
         for track in self._tracker.ended:
             person = self._people.pop(track.number, None)
-            if person is not None:
+            if person is not None and person.id >= 0:
                 self._lost[person.id] = self._lost_person(person)
         self._tracker.ended.clear()
         self._lost = {number: lost for number, lost in self._lost.items() if time - lost.time <= RETURN_S}
@@ -226,26 +231,36 @@ class OnlineMotion:
         return SeenPerson(person.track.last, _place(filters), *self._search.bone_lengths(person.bones))
 
     def _new_person(self, track: ViewTrack, time: float) -> OnlinePerson:
-        """Return the person of a new track: one who was lost, or a new one.
+        """Return the person of a new track: one who was lost, or one without a number.
 
         The track of a person who was not seen since the new track began ends.
         """
         begin = self._times[track.entries[0].frame]
-        unseen = {p.id: p for p in self._people.values() if p.track.last < begin}
-        lost = self._lost | {number: self._lost_person(person) for number, person in unseen.items()}
+        unseen = [p for p in self._people.values() if p.track.last < begin]
+        lost = [*self._lost.values(), *(self._lost_person(person) for person in unseen)]
         new = SeenPerson(time, _place(track.filters), *self._search.bone_lengths(None))
-        row = self._search.returned(list(lost.values()), new)
-        seen = self._seen(track, 0)
+        row = self._search.returned(lost, new)
+        person = OnlinePerson(-1, track, self._seen(track, 0))
         if row is None:
-            self.ids += 1
-            return OnlinePerson(self.ids - 1, track, seen)
-        number = list(lost)[row]
-        self._lost.pop(number, None)
-        if number in unseen:
-            earlier = unseen[number].track
-            self._tracker.active.remove(earlier)
-            del self._people[earlier.number]
-        return OnlinePerson(number, track, seen)
+            return person
+        if row < len(self._lost):
+            person.id = list(self._lost)[row]
+            del self._lost[person.id]
+        else:
+            earlier = unseen[row - len(self._lost)]
+            person.id, person.appeared = earlier.id, earlier.appeared
+            self._tracker.active.remove(earlier.track)
+            del self._people[earlier.track.number]
+        return person
+
+    def _number_people(self, time: float) -> None:
+        """Number the people who have appeared, at a time (s), in the order of `numbering_order`."""
+        new = [(p, p.appeared) for p in self._people.values() if p.id < 0 and p.appeared is not None]
+        if new and time >= min(came.time for _, came in new) + HOLD_S:
+            times, places = np.array([came.time for _, came in new]), np.array([came.place for _, came in new])
+            for row in numbering_order(places, times, 0.5 * self._periods.typical):
+                new[row][0].id = self.ids
+                self.ids += 1
 
     def _seen(self, track: ViewTrack, first: int) -> SeenViews:
         """Return the views of a track from frame number `first` on."""
@@ -278,28 +293,33 @@ class OnlineMotion:
                 fit = problem.fit()
                 problem.learn(fit, problem.compare(fit))
         person.noise = problem.learnt
-        new = pair_distances(problem, fit, self._pairs, max(person.learnt_at, origin))
+        since = max(person.learnt_at, origin)
+        new = pair_distances(problem, fit, self._pairs, since)
         if person.distances is not None:
             new = PairDistances(*(np.concatenate(both, axis=1) for both in zip(person.distances, new)))
         person.distances = PairDistances(*(part[:, -KEPT_DISTANCES:] for part in new))
         person.learnt_at = person.track.last
-        person.inside = person.inside or self._is_inside(person)
+        person.appeared = person.appeared or self._appearance(person, problem.learnt, since)
         if person.distances.lengths.shape[1] >= LEAST_DISTANCES:
             person.bones = learn_lengths(person.distances)
 
-    def _is_inside(self, person: OnlinePerson) -> bool:
-        """Return whether a person is in the capture space."""
-        track, seen = person.track, person.seen
+    def _appearance(self, person: OnlinePerson, noise: LearntNoise, since: float) -> Appearance | None:
+        """Return the appearance of a person who is in the capture space now and was not at a time (s)."""
+        track, seen, period = person.track, person.seen, self._periods.typical
         inside = are_inside(
             np.array([track.time]),
             track.positions[None],
             seen.times,
             seen.cameras,
-            self._periods.typical,
+            period,
             self._arrays.cameras,
             self._needed_views,
         )
-        return bool(inside[0])
+        if not inside[0]:
+            return None
+        shown = seen.times[well_shown(seen, period) & (seen.times >= since)]
+        time = float(shown[0]) if len(shown) else track.last
+        return Appearance(time, ground_place(self._fit(person, noise, time).positions))
 
     def _fit(self, person: OnlinePerson, noise: LearntNoise, time: float) -> InstantFit:
         """Return the joints of a person at a time (s)."""
