@@ -10,6 +10,7 @@ import numpy as np
 from panoptic_ros.continuous.bystanders import are_inside
 from panoptic_ros.continuous.seen_views import SeenViews
 from panoptic_ros.domain import Camera
+from panoptic_ros.identity.numbering import numbering_places
 
 Array = np.ndarray
 JOINT_VIEWS, JOINT_SHARE = 2, 0.6  # cameras per joint and share of the joints, as `tracking.confirm_joints`
@@ -22,7 +23,7 @@ class Appearance(NamedTuple):
 
     Args:
         time: (s).
-        place: (2,) m, world, on the ground at that time.
+        place: (2,) m, world, see `identity.numbering.numbering_places`.
     """
 
     time: float
@@ -36,12 +37,15 @@ def well_shown(seen: SeenViews, period: float) -> Array:
     """
     first = np.searchsorted(seen.times, seen.times - 0.5 * period)
     last = np.searchsorted(seen.times, seen.times + 0.5 * period, "right")
-    counts = np.zeros(seen.scores.shape, np.int64)
+    joints = np.zeros(seen.scores.shape, np.int64)  # number of cameras
+    people = np.zeros((len(seen.times), 1), np.int64)
     for camera in np.unique(seen.cameras):
-        known = (seen.scores > 0.0) & (seen.cameras == camera)[:, None]
-        sums = np.concatenate([np.zeros((1, known.shape[1]), np.int64), known.cumsum(axis=0)])
-        counts += sums[last] > sums[first]
-    shown: Array = (counts >= JOINT_VIEWS).mean(axis=1) >= JOINT_SHARE
+        own = (seen.cameras == camera)[:, None]
+        for counts, known in ((joints, own & (seen.scores > 0.0)), (people, own)):
+            sums = np.concatenate([np.zeros((1, known.shape[1]), np.int64), known.cumsum(axis=0)])
+            counts += sums[last] > sums[first]
+    enough = np.where(people == JOINT_VIEWS, 1, JOINT_VIEWS)  # bones complete joints of people of two views
+    shown: Array = ((joints >= enough).mean(axis=1) >= JOINT_SHARE) & (people[:, 0] >= JOINT_VIEWS)
     return shown
 
 
@@ -66,11 +70,6 @@ def appearance(
             inside = are_inside(times, positions, seen.times, seen.cameras, period, cameras, needed)
             if inside.any():
                 k = int(np.argmax(inside))
-                return Appearance(float(times[k]), ground_place(positions[k]))
+                return Appearance(float(times[k]), numbering_places(positions[k : k + 1])[0])
     return None
 
-
-def ground_place(positions: Array) -> Array:
-    """Return the place (2,) m on the ground of a person with joints (J, 3) m."""
-    place: Array = np.nanmedian(positions, axis=0)[:2]
-    return place

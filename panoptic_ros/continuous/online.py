@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.continuous.appearance import Appearance, ground_place, well_shown
+from panoptic_ros.continuous.appearance import Appearance, well_shown
 from panoptic_ros.continuous.bones import (
     LearntLengths,
     PairDistances,
@@ -38,7 +38,7 @@ from panoptic_ros.domain import JointState, SkeletonModel
 from panoptic_ros.domain.of_all import joined
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.geometry.splines import control_points
-from panoptic_ros.identity.numbering import numbering_order
+from panoptic_ros.identity.numbering import numbering_order, numbering_places
 from panoptic_ros.identity.returns import RETURN_S
 from panoptic_ros.solving.calibration_errors import CalibrationErrors
 from panoptic_ros.solving.capture_space import CAPTURE_VIEWS, needed_views
@@ -319,7 +319,7 @@ class OnlineMotion:
             return None
         shown = seen.times[well_shown(seen, period) & (seen.times >= since)]
         time = float(shown[0]) if len(shown) else track.last
-        return Appearance(time, ground_place(self._fit(person, noise, time).positions))
+        return Appearance(time, numbering_places(self._fit(person, noise, time).positions[None])[0])
 
     def _fit(self, person: OnlinePerson, noise: LearntNoise, time: float) -> InstantFit:
         """Return the joints of a person at a time (s)."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 Array = np.ndarray
-# Direction on the ground, x and y of the world. Its slope is the golden ratio, which is farthest from all
-# simple fractions, so people in rows and grids of a room have distinct places along it.
-DIRECTION = np.array([1.0, 0.5 * (np.sqrt(5.0) - 1.0)])
+# Direction on the ground, x and y of the world. People in rows, grids and round tables that are aligned with the
+# axes have distinct places along it: at least 0.1 m apart, for up to 6 people 1 m apart. No slope gives more.
+DIRECTION = np.array([1.0, 0.44]) / np.hypot(1.0, 0.44)
 
 
 def numbering_order(places: Array, times: Array | None = None, interval: float = 0.0) -> Array:
@@ -30,3 +30,12 @@ def numbering_order(places: Array, times: Array | None = None, interval: float =
         groups[row] = group
     order: Array = np.lexsort((places @ DIRECTION, groups))
     return order
+
+
+def numbering_places(positions: Array) -> Array:
+    """Return the places (P, 2) m on the ground of people with joints (P, J, 3) m, world, NaN = missing.
+
+    They are means over the joints. Medians differ more between two estimates of one person.
+    """
+    places: Array = np.nanmean(positions[..., :2], axis=1)
+    return places

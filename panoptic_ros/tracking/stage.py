@@ -25,7 +25,7 @@ from panoptic_ros.identity.likeness import (
     seen_bones,
 )
 from panoptic_ros.identity.motion import JointMotion
-from panoptic_ros.identity.numbering import numbering_order
+from panoptic_ros.identity.numbering import numbering_order, numbering_places
 from panoptic_ros.identity.returns import RETURN_S, returns_at_once
 from panoptic_ros.identity.subjects import VisibleTracks, found_subjects, subjects_of
 from panoptic_ros.solving.limbs import limbs_of
@@ -249,7 +249,7 @@ class TrackingStage(Stateful):
             a notice for each identity.
         """
         ready = [
-            t
+            k
             for k, t in enumerate(owners.tolist())
             if t >= 0
             and self._tracks.ids[t] < 0
@@ -257,8 +257,8 @@ class TrackingStage(Stateful):
         ]
         if not ready:
             return ()
-        tracks, notices, fresh = self._tracks, [], np.array(ready)
-        fresh = fresh[numbering_order(tracks.bodies.middles[fresh, :2])]
+        rows = np.array(ready)[numbering_order(numbering_places(item.positions[ready]))]
+        tracks, notices, fresh = self._tracks, [], owners[rows]
         away = (tracks.ids >= 0) & (tracks.missed > RETURN_S)
         lost = np.flatnonzero((tracks.ids >= 0) & (tracks.missed > 0.0) & away.any())
         if self._config.method == "head":  # this method uses the head alone
