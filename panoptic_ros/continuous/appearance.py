@@ -15,6 +15,8 @@ from panoptic_ros.identity.numbering import numbering_places
 Array = np.ndarray
 JOINT_VIEWS, JOINT_SHARE = 2, 0.6  # cameras per joint and share of the joints, as `tracking.confirm_joints`
 EVERY = 10  # views of a person from one test of its place to the next, where no instant has enough joints
+# periods of a camera within which people appear together: the next set of synchronous cameras is left out
+TOGETHER = 0.9
 PART = 100  # number of instants that are tested at once
 
 

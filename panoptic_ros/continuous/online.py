@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.continuous.appearance import Appearance, well_shown
+from panoptic_ros.continuous.appearance import TOGETHER, Appearance, well_shown
 from panoptic_ros.continuous.bones import (
     LearntLengths,
     PairDistances,
@@ -258,7 +258,7 @@ class OnlineMotion:
         new = [(p, p.appeared) for p in self._people.values() if p.id < 0 and p.appeared is not None]
         if new and time >= min(came.time for _, came in new) + HOLD_S:
             times, places = np.array([came.time for _, came in new]), np.array([came.place for _, came in new])
-            for row in numbering_order(places, times, 0.5 * self._periods.typical):
+            for row in numbering_order(places, times, TOGETHER * self._periods.typical):
                 new[row][0].id = self.ids
                 self.ids += 1
 

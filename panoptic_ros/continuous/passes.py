@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from panoptic_ros.continuous.appearance import appearance
+from panoptic_ros.continuous.appearance import TOGETHER, appearance
 from panoptic_ros.continuous.bones import rigid_pairs
 from panoptic_ros.continuous.clocks import MARGIN_S, CameraTimes, FreeClocks, estimate_times
 from panoptic_ros.continuous.config import ContinuousConfig
@@ -118,7 +118,7 @@ class ContinuousPass:
                 people.append((person, came))
         progress(1.0, "fitting curves")
         motion = ContinuousMotion(
-            tuple(with_identities(people, self._skeleton, self._pairs, 0.5 * period)),
+            tuple(with_identities(people, self._skeleton, self._pairs, times, TOGETHER * period)),
             reference,
             reference + round(1e9 * float(times[0])),
             reference + round(1e9 * float(times[-1])),

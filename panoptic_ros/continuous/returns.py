@@ -12,9 +12,9 @@ from panoptic_ros.continuous.appearance import Appearance
 from panoptic_ros.continuous.bones import LearntLengths
 from panoptic_ros.continuous.person import PersonCurve
 from panoptic_ros.domain import SkeletonModel
-from panoptic_ros.identity.likeness import BoneLengths, bone_evidence, paired, place_evidence
+from panoptic_ros.identity.likeness import FRAME_SIGMA, LASTING, BoneLengths, bone_evidence, paired, place_evidence
 from panoptic_ros.identity.numbering import numbering_order
-from panoptic_ros.identity.returns import RETURN_S, returns_at_once
+from panoptic_ros.identity.returns import RETURN_S, is_pause, returns_at_once
 
 Array = np.ndarray
 DISTANCE, SPEED = 0.6, 1.2  # m and m/s: reach of a lost person, as in tracking
@@ -25,12 +25,14 @@ class SeenPerson(NamedTuple):
 
     Args:
         time: (s) of the last or the first view.
+        watched: (s) the same time on a clock that stands still while no camera has views, see `watched_times`.
         place: (2,) m on the ground at that time.
         lengths: (B,) m of the bones, NaN = unknown.
         variances: (B,) m^2.
     """
 
     time: float
+    watched: float
     place: Array
     lengths: Array
     variances: Array
@@ -55,53 +57,73 @@ class ReturnSearch:
             return BoneLengths(np.full(len(self._rows), np.nan), np.ones(len(self._rows)))
         rows = self._rows
         lengths = np.where(learnt.weights[rows] > 0.0, learnt.lengths[rows], np.nan)
-        return BoneLengths(lengths, learnt.variances[rows])
+        return BoneLengths(lengths, learnt.variances[rows] + LASTING * FRAME_SIGMA**2)
 
-    def returned(self, lost: Sequence[SeenPerson], new: SeenPerson) -> int | None:
-        """Return the index of the lost person who a new one is; None if it is none of them."""
-        rows = [k for k, person in enumerate(lost) if 0.0 <= new.time - person.time <= RETURN_S]
+    def returned(self, lost: Sequence[SeenPerson], new: Sequence[SeenPerson]) -> dict[int, int]:
+        """Return which new people, who appear together, are lost ones: {index of the new: of the lost}."""
+        time, watched = min((one.time, one.watched) for one in new)
+        rows = [k for k, one in enumerate(lost) if one.time <= time and watched - one.watched <= RETURN_S]
         if not rows:
-            return None
-        missed = np.array([new.time - lost[k].time for k in rows])
-        distances = np.array([np.linalg.norm(lost[k].place - new.place) for k in rows])[:, None]
-        bones = bone_evidence(_bones([lost[k] for k in rows]), _bones([new]), self._groups)
-        odds = bones + place_evidence(distances, missed)
-        near = distances <= (DISTANCE + SPEED * missed)[:, None]
-        found = returns_at_once(odds, missed, near)
-        return rows[found[0][0]] if found else None
+            return {}
+        missed = np.array([watched - lost[k].watched for k in rows])
+        unseen = np.array([time - lost[k].time for k in rows])
+        gaps = np.array([lost[k].place for k in rows])[:, None] - np.array([one.place for one in new])
+        distances = np.linalg.norm(gaps, axis=-1)
+        odds = bone_evidence(_bones([lost[k] for k in rows]), _bones(new), self._groups)
+        odds += place_evidence(distances, unseen)
+        near = distances <= (DISTANCE + SPEED * unseen)[:, None]
+        return {p: rows[t] for t, p in returns_at_once(odds, missed, near)}
 
 
 def _bones(people: Sequence[SeenPerson]) -> BoneLengths:
     return BoneLengths(np.stack([p.lengths for p in people]), np.stack([p.variances for p in people]))
 
 
+def watched_times(times: Array, frames: Array) -> Array:
+    """Return times (T,) s on a clock that stands still in pauses of all cameras.
+
+    Args:
+        frames: (F,) s, sorted times of the views of all cameras.
+    """
+    steps = np.diff(frames)
+    clock = np.concatenate([[0.0], np.cumsum(np.where(is_pause(steps), 0.0, steps))])
+    watched: Array = np.interp(times, frames, clock)
+    return watched
+
+
 def with_identities(
-    people: Sequence[tuple[PersonCurve, Appearance]], skeleton: SkeletonModel, pairs: Array, interval: float
+    people: Sequence[tuple[PersonCurve, Appearance]],
+    skeleton: SkeletonModel,
+    pairs: Array,
+    frames: Array,
+    interval: float,
 ) -> list[PersonCurve]:
     """Return the curves in the order of their starts, numbered by person.
 
     Args:
         people: Curves and the appearances.
         pairs: (P, 2) joints of the learnt lengths.
-        interval: (s) see `identity.numbering.numbering_order`.
+        frames: (F,) s, sorted times of the views of all cameras.
+        interval: (s) time within which people have appeared together.
     """
     search = ReturnSearch(skeleton, pairs)
     ordered = sorted(people, key=lambda one: float(one[0].seen[0]))
     found = [person for person, _ in ordered]
     firsts = list(range(len(found)))  # index of the first curve of the same person
     lost: dict[int, SeenPerson] = {}  # ends of the curves that no curve continues, by index
-    for k, person in enumerate(found):
-        first, last = (
-            SeenPerson(time, _place(person, time), *search.bone_lengths(person.bones))
-            for time in (float(person.seen[0]), float(person.seen[-1]))
-        )
-        row = search.returned(list(lost.values()), first)
-        if row is not None:
-            earlier = list(lost)[row]
-            found[earlier] = replace(found[earlier], until=first.time)
+    begin = 0
+    while begin < len(found):
+        limit = float(found[begin].seen[0]) + interval
+        group = [k for k in range(begin, len(found)) if found[k].seen[0] <= limit]
+        ends = [(_end(found[k], 0, frames, search), _end(found[k], -1, frames, search)) for k in group]
+        numbers = list(lost)
+        for p, t in search.returned(list(lost.values()), [first for first, _ in ends]).items():
+            earlier, k = numbers[t], group[p]
+            found[earlier] = replace(found[earlier], until=ends[p][0].time)
             firsts[k] = firsts[earlier]
             del lost[earlier]
-        lost[k] = last
+        lost |= {k: last for k, (_, last) in zip(group, ends)}
+        begin += len(group)
     new = np.unique(firsts)
     came = [ordered[k][1] for k in new.tolist()]
     places, times = np.array([one.place for one in came]), np.array([one.time for one in came])
@@ -110,7 +132,9 @@ def with_identities(
     return [replace(person, id=ids[first]) for person, first in zip(found, firsts)]
 
 
-def _place(person: PersonCurve, time: float) -> Array:
-    """Return the place (2,) m of a person on the ground."""
-    place: Array = np.nanmedian(person.at(np.array([time]))[0], axis=0)[:2]
-    return place
+def _end(person: PersonCurve, view: int, frames: Array, search: ReturnSearch) -> SeenPerson:
+    """Return a person at its first view, 0, or at its last one, -1."""
+    time = person.seen[view : view + 1] if view >= 0 else person.seen[view:]
+    place = np.nanmedian(person.at(time)[0], axis=0)[:2]
+    watched = float(watched_times(time, frames)[0])
+    return SeenPerson(float(time[0]), watched, place, *search.bone_lengths(person.bones))

@@ -9,6 +9,7 @@ from panoptic_ros.identity.likeness import SURE
 
 Array = np.ndarray
 RETURN_S = 2.0  # s, absence up to which a similar person nearby is re-identified at once
+PAUSE_S = (0.5, 15.0)  # s without views, limits of a pause: shorter = slow camera, longer = another scene
 UNLIKE = -3.0  # log-odds below which no person is re-identified at once
 CLEAR = float(np.log(SURE / (1.0 - SURE)))  # log-odds by which one person must exceed all others
 
@@ -21,10 +22,19 @@ def returns_at_once(odds: Array, missed: Array, near: Array) -> list[tuple[int, 
 
     Args:
         odds: (T, P) log-odds that T lost people are P new people.
-        missed: (T,) s since the people were lost.
+        missed: (T,) s since the people were lost, without pauses.
         near: (T, P) True where the distance is possible.
     """
     soon = missed <= RETURN_S
     rival = odds[~soon].max(axis=0, initial=-np.inf)
     can_be = near & soon[:, None] & (odds >= np.maximum(UNLIKE, rival + CLEAR))
     return best_pairs(np.where(can_be, -odds, np.inf), -UNLIKE)
+
+
+def is_pause(steps: Array | float) -> Array:
+    """Return whether times (s) without views are pauses, in which nobody is missed.
+
+    Cameras paused, or a node was restarted.
+    """
+    pause: Array = (steps > PAUSE_S[0]) & (steps <= PAUSE_S[1])
+    return pause

@@ -26,7 +26,7 @@ from panoptic_ros.identity.likeness import (
 )
 from panoptic_ros.identity.motion import JointMotion
 from panoptic_ros.identity.numbering import numbering_order, numbering_places
-from panoptic_ros.identity.returns import RETURN_S, returns_at_once
+from panoptic_ros.identity.returns import RETURN_S, is_pause, returns_at_once
 from panoptic_ros.identity.subjects import VisibleTracks, found_subjects, subjects_of
 from panoptic_ros.solving.limbs import limbs_of
 from panoptic_ros.stage import Notice, StageContext, StepResult
@@ -35,7 +35,6 @@ from panoptic_ros.tracking.config import TrackingConfig
 from panoptic_ros.tracking.tracks import ALONE, TrackedBodies, Tracks, head_distances, joint_distances
 
 Array = np.ndarray
-BLIND_S = (0.5, 15.0)  # s between two sets, limits of a pause: shorter = slow camera, longer = another scene
 KEPT = 16  # size of each camera's buffer of newest `ViewAppearance` records that wait for their instant
 OF_INSTANT = ("index", "stamp_ns", "skeleton_hash", "newest_ns")
 OF_PEOPLE = ("positions", "covariances", "scores", "views", "states", "person_scores")
@@ -193,12 +192,12 @@ class TrackingStage(Stateful):
         """Predict all tracks to the instant, and drop those that were unseen for too long.
 
         A track with an identity is dropped after `memory` s, a track without one after `joint_memory` s. A
-        pause without sets (BLIND_S) does not count: cameras paused, or a node was restarted.
+        pause without sets does not count.
         """
         dt = 0.0 if self._last_ns is None else 1e-9 * (stamp_ns - self._last_ns)
         self._last_ns = stamp_ns
         tracks, config = self._tracks, self._config
-        tracks.predict(dt, blind=BLIND_S[0] < dt <= BLIND_S[1])
+        tracks.predict(dt, blind=bool(is_pause(dt)))
         kept = tracks.missed <= np.where(tracks.ids >= 0, config.memory, config.joint_memory)
         if not kept.all():
             kept |= np.isin(tracks.ids, self._subjects.ids)  # tracks of subjects never end
