@@ -32,14 +32,14 @@ from panoptic_ros.continuous.problem import (
     TrackRays,
 )
 from panoptic_ros.continuous.reports import JointReport, RayEvidence, add_calibration, joint_report, was_seen
-from panoptic_ros.continuous.returns import ReturnSearch, SeenPerson
+from panoptic_ros.continuous.returns import DISTANCE, TAIL_S, ReturnSearch, SeenPerson
 from panoptic_ros.continuous.seen_views import SeenViews
 from panoptic_ros.domain import JointState, SkeletonModel
 from panoptic_ros.domain.of_all import joined
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.geometry.splines import control_points
 from panoptic_ros.identity.numbering import numbering_order, numbering_places
-from panoptic_ros.identity.returns import RETURN_S
+from panoptic_ros.identity.returns import RETURN_S, is_pause
 from panoptic_ros.solving.calibration_errors import CalibrationErrors
 from panoptic_ros.solving.capture_space import CAPTURE_VIEWS, needed_views
 from panoptic_ros.solving.frames import CameraFrame
@@ -115,6 +115,8 @@ class OnlinePerson:
         id: Number of the person; -1 = not numbered yet, such people are not reported.
         track: Filters, and the 2D people of the kept views.
         seen: The same views as arrays.
+        begin, begin_watched: Time of the first view, s, and the same on the clock without pauses.
+        last_watched: Time of the newest view on that clock, s.
         learnt_at: Time of the newest learning, s.
         noise: Learnt noise and stiffness. None before the first learning.
         distances: Newest measurements of the lengths.
@@ -125,6 +127,9 @@ class OnlinePerson:
     id: int
     track: ViewTrack
     seen: SeenViews
+    begin: float
+    begin_watched: float
+    last_watched: float
     learnt_at: float = -np.inf
     noise: LearntNoise | None = None
     distances: PairDistances | None = None
@@ -157,6 +162,8 @@ class OnlineMotion:
         self._frames: dict[int, CameraFrame] = {}  # kept views, by number
         self._times: dict[int, float] = {}  # s, of the kept views
         self._number = 0  # number of the next view
+        self._newest: float | None = None  # s, time of the newest view
+        self._clock = 0.0  # s, the same on a clock that stands still in pauses of all cameras
         self._people: dict[int, OnlinePerson] = {}  # by number of the track
         self._lost: dict[int, SeenPerson] = {}  # people who may return, by id
         self.ids = 0  # id of the next person
@@ -167,6 +174,9 @@ class OnlineMotion:
 
     def take(self, frame: CameraFrame, time: float) -> None:
         """Take one view; times (s), those of the middle rows, must not decrease."""
+        step = 0.0 if self._newest is None else time - self._newest
+        self._clock += 0.0 if is_pause(step) else step
+        self._newest = time
         self._periods.take(frame.camera, time)
         self._tracker.pair_s = self._periods.pairing_time
         self._frames[self._number], self._times[self._number] = frame, time
@@ -176,13 +186,16 @@ class OnlineMotion:
         while self._times[oldest] < time - LEARNING_S:
             del self._frames[oldest], self._times[oldest]
             oldest += 1
-        self._lose(time)
+        self._lose()
         for track in list(self._tracker.active):
             track.keep(oldest)
             if track.confirmed:
                 if track.number not in self._people:
                     self._people[track.number] = self._new_person(track, time)
-                self._update(self._people[track.number], oldest)
+                person = self._people[track.number]
+                self._update(person, oldest)
+                if track.last == time:
+                    person.last_watched = self._clock
         self._number_people(time)
 
     def settle(self) -> None:
@@ -215,52 +228,73 @@ class OnlineMotion:
                     found.append(PersonInstant(person.id, report, fit.velocities))
         return sorted(found, key=lambda one: one.id)
 
-    def _lose(self, time: float) -> None:
-        """Move people whose tracks have ended to those who may return, at a time (s)."""
+    def _lose(self) -> None:
+        """Move people whose tracks have ended to those who may return."""
         for track in self._tracker.ended:
             person = self._people.pop(track.number, None)
             if person is not None and person.id >= 0:
                 self._lost[person.id] = self._lost_person(person)
         self._tracker.ended.clear()
-        self._lost = {number: lost for number, lost in self._lost.items() if time - lost.time <= RETURN_S}
+        oldest = self._clock - RETURN_S - LEARNING_S  # people are numbered some time after their first view
+        self._lost = {number: lost for number, lost in self._lost.items() if lost.watched >= oldest}
 
     def _lost_person(self, person: OnlinePerson) -> SeenPerson:
         """Return a person as last seen."""
         filters = person.track.filters.copy()
         predict(filters, person.track.last - person.track.time)
-        return SeenPerson(person.track.last, _place(filters), *self._search.bone_lengths(person.bones))
+        lengths = self._search.bone_lengths(person.bones)
+        return SeenPerson(person.track.last, person.last_watched, _place(filters), *lengths)
 
     def _new_person(self, track: ViewTrack, time: float) -> OnlinePerson:
-        """Return the person of a new track: one who was lost, or one without a number.
-
-        The track of a person who was not seen since the new track began ends.
-        """
         begin = self._times[track.entries[0].frame]
-        unseen = [p for p in self._people.values() if p.track.last < begin]
-        lost = [*self._lost.values(), *(self._lost_person(person) for person in unseen)]
-        new = SeenPerson(time, _place(track.filters), *self._search.bone_lengths(None))
-        row = self._search.returned(lost, new)
-        person = OnlinePerson(-1, track, self._seen(track, 0))
-        if row is None:
-            return person
-        if row < len(self._lost):
-            person.id = list(self._lost)[row]
-            del self._lost[person.id]
-        else:
-            earlier = unseen[row - len(self._lost)]
-            person.id, person.appeared = earlier.id, earlier.appeared
-            self._tracker.active.remove(earlier.track)
-            del self._people[earlier.track.number]
-        return person
+        return OnlinePerson(-1, track, self._seen(track, 0), begin, self._clock - (time - begin), self._clock)
 
     def _number_people(self, time: float) -> None:
-        """Number the people who have appeared, at a time (s), in the order of `numbering_order`."""
-        new = [(p, p.appeared) for p in self._people.values() if p.id < 0 and p.appeared is not None]
-        if new and time >= min(came.time for _, came in new) + HOLD_S:
-            times, places = np.array([came.time for _, came in new]), np.array([came.place for _, came in new])
-            for row in numbering_order(places, times, TOGETHER * self._periods.typical):
-                new[row][0].id = self.ids
-                self.ids += 1
+        """Number the people who have appeared, at a time (s): those who were lost, and then new ones.
+
+        The track of a person who was not seen since another track of it began ends.
+        """
+        people = self._people.values()
+        new = [(p, p.appeared) for p in people if p.id < 0 and p.appeared and not self._is_doubtful(p, time)]
+        if not new or time < min(came.time for _, came in new) + HOLD_S:
+            return
+        begin = min(p.begin for p, _ in new)
+        unseen = {p.id: p for p in people if p.id >= 0 and p.track.last < begin}
+        lost = self._lost | {number: self._lost_person(p) for number, p in unseen.items()}
+        firsts = [
+            SeenPerson(p.begin, p.begin_watched, came.place, *self._search.bone_lengths(p.bones))
+            for p, came in new
+        ]
+        possible = np.array([[one.time < p.begin + TAIL_S for p, _ in new] for one in lost.values()])
+        for k, row in self._search.returned(list(lost.values()), firsts, possible).items():
+            number = list(lost)[row]
+            self._lost.pop(number, None)
+            if number in unseen:
+                earlier = unseen[number].track
+                self._tracker.active.remove(earlier)
+                del self._people[earlier.number]
+            new[k][0].id = number
+        new = [(p, came) for p, came in new if p.id < 0]
+        times, places = np.array([came.time for _, came in new]), np.array([came.place for _, came in new])
+        for row in numbering_order(places.reshape(-1, 2), times, TOGETHER * self._periods.typical):
+            new[row][0].id = self.ids
+            self.ids += 1
+
+    def _is_doubtful(self, person: OnlinePerson, time: float) -> bool:
+        """Return whether a person without a number may be one with a number, whose track will end.
+
+        They are near each other, and no image shows both.
+        """
+        if time > person.begin + TAIL_S:
+            return False
+        place, frames = _place(person.track.filters), person.seen.frames
+        return any(
+            other.id >= 0
+            and other.track.last >= person.begin
+            and np.linalg.norm(_place(other.track.filters) - place) <= DISTANCE
+            and not np.isin(frames, other.seen.frames).any()
+            for other in self._people.values()
+        )
 
     def _seen(self, track: ViewTrack, first: int) -> SeenViews:
         """Return the views of a track from frame number `first` on."""

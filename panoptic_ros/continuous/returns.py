@@ -17,6 +17,8 @@ from panoptic_ros.identity.numbering import numbering_order
 from panoptic_ros.identity.returns import RETURN_S, is_pause, returns_at_once
 
 Array = np.ndarray
+TAIL_S = 0.5  # s, longest time for which a track goes on that loses a person to a new track
+OVERLAP_S = 0.05  # s, longest time from the first to the last row of an image
 DISTANCE, SPEED = 0.6, 1.2  # m and m/s: reach of a lost person, as in tracking
 
 
@@ -59,20 +61,29 @@ class ReturnSearch:
         lengths = np.where(learnt.weights[rows] > 0.0, learnt.lengths[rows], np.nan)
         return BoneLengths(lengths, learnt.variances[rows] + LASTING * FRAME_SIGMA**2)
 
-    def returned(self, lost: Sequence[SeenPerson], new: Sequence[SeenPerson]) -> dict[int, int]:
-        """Return which new people, who appear together, are lost ones: {index of the new: of the lost}."""
-        time, watched = min((one.time, one.watched) for one in new)
-        rows = [k for k, one in enumerate(lost) if one.time <= time and watched - one.watched <= RETURN_S]
-        if not rows:
+    def returned(
+        self, lost: Sequence[SeenPerson], new: Sequence[SeenPerson], possible: Array
+    ) -> dict[int, int]:
+        """Return which new people, who appear together, are lost ones: {index of the new: of the lost}.
+
+        Args:
+            possible: (T, P) False where a lost person and a new one are two people in any case.
+        """
+        if not len(lost):
             return {}
-        missed = np.array([watched - lost[k].watched for k in rows])
-        unseen = np.array([time - lost[k].time for k in rows])
-        gaps = np.array([lost[k].place for k in rows])[:, None] - np.array([one.place for one in new])
+        time, watched = min((one.time, one.watched) for one in new)
+        possible = possible & (np.array([watched - one.watched for one in lost])[:, None] <= RETURN_S)
+        rows = np.flatnonzero(possible.any(axis=1))
+        if not len(rows):
+            return {}
+        away = [lost[k] for k in rows]
+        missed = np.maximum([watched - one.watched for one in away], 0.0)
+        unseen = np.maximum([time - one.time for one in away], 0.0)
+        gaps = np.array([one.place for one in away])[:, None] - np.array([one.place for one in new])
         distances = np.linalg.norm(gaps, axis=-1)
-        odds = bone_evidence(_bones([lost[k] for k in rows]), _bones(new), self._groups)
-        odds += place_evidence(distances, unseen)
-        near = distances <= (DISTANCE + SPEED * unseen)[:, None]
-        return {p: rows[t] for t, p in returns_at_once(odds, missed, near)}
+        odds = bone_evidence(_bones(away), _bones(new), self._groups) + place_evidence(distances, unseen)
+        near = possible[rows] & (distances <= (DISTANCE + SPEED * unseen)[:, None])
+        return {p: int(rows[t]) for t, p in returns_at_once(odds, missed, near)}
 
 
 def _bones(people: Sequence[SeenPerson]) -> BoneLengths:
@@ -117,7 +128,10 @@ def with_identities(
         group = [k for k in range(begin, len(found)) if found[k].seen[0] <= limit]
         ends = [(_end(found[k], 0, frames, search), _end(found[k], -1, frames, search)) for k in group]
         numbers = list(lost)
-        for p, t in search.returned(list(lost.values()), [first for first, _ in ends]).items():
+        possible = np.array([[_may_follow(found[t], found[k]) for k in group] for t in numbers], bool)
+        away = [lost[t] for t in numbers]
+        firsts_seen = [first for first, _ in ends]
+        for p, t in search.returned(away, firsts_seen, possible).items():
             earlier, k = numbers[t], group[p]
             found[earlier] = replace(found[earlier], until=ends[p][0].time)
             firsts[k] = firsts[earlier]
@@ -130,6 +144,22 @@ def with_identities(
     order = numbering_order(places.reshape(-1, 2), times, interval)
     ids = {int(new[row]): number for number, row in enumerate(order.tolist())}
     return [replace(person, id=ids[first]) for person, first in zip(found, firsts)]
+
+
+def _may_follow(earlier: PersonCurve, later: PersonCurve) -> bool:
+    """Return whether a curve may continue another one: no image shows both.
+
+    A track of a person who turns fast may lose most cameras to a new track, and end somewhat later.
+    """
+    begin, end = float(later.seen[0]), float(earlier.seen[-1])
+    if end < begin or end > begin + TAIL_S:
+        return end < begin
+    images = [
+        set(zip(one.rays.cameras[own].tolist(), one.rays.stamps[own].tolist()))
+        for one in (earlier, later)
+        for own in [(one.times >= begin - OVERLAP_S) & (one.times <= end + OVERLAP_S)]
+    ]
+    return images[0].isdisjoint(images[1])
 
 
 def _end(person: PersonCurve, view: int, frames: Array, search: ReturnSearch) -> SeenPerson:

@@ -66,6 +66,8 @@ class ContinuousStage(Stateful):
                     "_frames",
                     "_times",
                     "_number",
+                    "_newest",
+                    "_clock",
                     "_people",
                     "_lost",
                     "ids",
