@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -255,17 +256,26 @@ class OnlineMotion:
         The track of a person who was not seen since another track of it began ends.
         """
         people = self._people.values()
-        new = [(p, p.appeared) for p in people if p.id < 0 and p.appeared and not self._is_doubtful(p, time)]
+        unseen = {p.id: p for p in people if p.id >= 0 and p.track.last < time - HOLD_S}
+        seen = [p for p in people if p.id >= 0 and p.id not in unseen]
+        new = [
+            (p, p.appeared)
+            for p in people
+            if p.id < 0 and p.appeared and not (time < p.begin + TAIL_S and self._may_be_of(p, seen))
+        ]
         if not new or time < min(came.time for _, came in new) + HOLD_S:
             return
-        begin = min(p.begin for p, _ in new)
-        unseen = {p.id: p for p in people if p.id >= 0 and p.track.last < begin}
         lost = self._lost | {number: self._lost_person(p) for number, p in unseen.items()}
-        firsts = [
-            SeenPerson(p.begin, p.begin_watched, came.place, *self._search.bone_lengths(p.bones))
-            for p, came in new
-        ]
-        possible = np.array([[one.time < p.begin + TAIL_S for p, _ in new] for one in lost.values()])
+        firsts = [self._first_seen(p, came) for p, came in new]
+        possible = np.array(
+            [
+                [
+                    one.time < p.begin + TAIL_S and not (number in unseen and _share_view(p, unseen[number]))
+                    for p, _ in new
+                ]
+                for number, one in lost.items()
+            ]
+        )
         for k, row in self._search.returned(list(lost.values()), firsts, possible).items():
             number = list(lost)[row]
             self._lost.pop(number, None)
@@ -280,21 +290,20 @@ class OnlineMotion:
             new[row][0].id = self.ids
             self.ids += 1
 
-    def _is_doubtful(self, person: OnlinePerson, time: float) -> bool:
-        """Return whether a person without a number may be one with a number, whose track will end.
-
-        They are near each other, and no image shows both.
-        """
-        if time > person.begin + TAIL_S:
-            return False
-        place, frames = _place(person.track.filters), person.seen.frames
+    def _may_be_of(self, person: OnlinePerson, others: Sequence[OnlinePerson]) -> bool:
+        """Return whether a person may be one of others whose tracks will end: a near one, without a common view."""
+        place = _place(person.track.filters)
         return any(
-            other.id >= 0
-            and other.track.last >= person.begin
-            and np.linalg.norm(_place(other.track.filters) - place) <= DISTANCE
-            and not np.isin(frames, other.seen.frames).any()
-            for other in self._people.values()
+            np.linalg.norm(_place(other.track.filters) - place) <= DISTANCE and not _share_view(person, other)
+            for other in others
         )
+
+    def _first_seen(self, person: OnlinePerson, came: Appearance) -> SeenPerson:
+        """Return a person as it appeared."""
+        assert person.noise is not None  # it is learnt before people appear
+        fit = self._fit(person, person.noise, came.time)
+        lengths = self._search.instant_lengths(fit.positions, fit.covariances)
+        return SeenPerson(person.begin, person.begin_watched, came.place, *lengths)
 
     def _seen(self, track: ViewTrack, first: int) -> SeenViews:
         """Return the views of a track from frame number `first` on."""
@@ -377,6 +386,11 @@ class OnlineMotion:
             rays, grid, stiffness, self._cameras, LEAST_DEPTH, CAUCHY, time, *lengths
         )
         return fit
+
+
+def _share_view(person: OnlinePerson, other: OnlinePerson) -> bool:
+    """Return whether a view shows both."""
+    return bool(np.isin(person.seen.frames, other.seen.frames).any())
 
 
 def _place(filters: JointFilters) -> Array:

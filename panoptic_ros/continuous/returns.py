@@ -12,7 +12,7 @@ from panoptic_ros.continuous.appearance import Appearance
 from panoptic_ros.continuous.bones import LearntLengths
 from panoptic_ros.continuous.person import PersonCurve
 from panoptic_ros.domain import SkeletonModel
-from panoptic_ros.identity.likeness import FRAME_SIGMA, LASTING, BoneLengths, bone_evidence, paired, place_evidence
+from panoptic_ros.identity.likeness import FRAME_SIGMA, LASTING, BoneLengths, bone_evidence, paired, place_evidence, seen_bones
 from panoptic_ros.identity.numbering import numbering_order
 from panoptic_ros.identity.returns import RETURN_S, is_pause, returns_at_once
 
@@ -48,7 +48,7 @@ class ReturnSearch:
     """
 
     def __init__(self, skeleton: SkeletonModel, pairs: Array):
-        bones = np.array(skeleton.bones, np.int64).reshape(-1, 2)
+        self._bones = bones = np.array(skeleton.bones, np.int64).reshape(-1, 2)
         known = {tuple(pair): k for k, pair in enumerate(np.sort(pairs, axis=1).tolist())}
         self._groups = paired(bones, np.array(skeleton.mirror))
         self._rows = [known[tuple(bone)] for bone in np.sort(bones, axis=1).tolist()]
@@ -60,6 +60,11 @@ class ReturnSearch:
         rows = self._rows
         lengths = np.where(learnt.weights[rows] > 0.0, learnt.lengths[rows], np.nan)
         return BoneLengths(lengths, learnt.variances[rows] + LASTING * FRAME_SIGMA**2)
+
+    def instant_lengths(self, positions: Array, covariances: Array) -> BoneLengths:
+        """Return the bones (B,) of a person with joints (J, 3) m and covariances (J, 3, 3) m^2 at an instant."""
+        one = seen_bones(positions[None], covariances[None], self._bones)
+        return BoneLengths(one.lengths[0], one.variances[0])
 
     def returned(
         self, lost: Sequence[SeenPerson], new: Sequence[SeenPerson], possible: Array
