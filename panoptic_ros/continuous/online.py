@@ -261,11 +261,14 @@ class OnlineMotion:
         new = [
             (p, p.appeared)
             for p in people
-            if p.id < 0 and p.appeared and not (time < p.begin + TAIL_S and self._may_be_of(p, seen))
+            if p.id < 0 and p.appeared and not (time < p.begin + TAIL_S and self._may_be_of(p, p.appeared, seen))
         ]
-        if not new or time < min(came.time for _, came in new) + HOLD_S:
+        begin = min((came.time for _, came in new), default=np.inf)
+        if time < begin + HOLD_S:
             return
-        lost = self._lost | {number: self._lost_person(p) for number, p in unseen.items()}
+        lost = self._lost | {
+            number: self._lost_person(p)._replace(place=self._place_at(p, begin)) for number, p in unseen.items()
+        }
         firsts = [self._first_seen(p, came) for p, came in new]
         possible = np.array(
             [
@@ -290,17 +293,26 @@ class OnlineMotion:
             new[row][0].id = self.ids
             self.ids += 1
 
-    def _may_be_of(self, person: OnlinePerson, others: Sequence[OnlinePerson]) -> bool:
-        """Return whether a person may be one of others whose tracks will end: a near one, without a common view."""
-        place = _place(person.track.filters)
+    def _may_be_of(self, person: OnlinePerson, came: Appearance, others: Sequence[OnlinePerson]) -> bool:
+        """Return whether a person may be one of others whose tracks will end: a near one, and no view shows both.
+
+        Places are those at the appearance, as a track that loses most cameras drifts away.
+        """
         return any(
-            np.linalg.norm(_place(other.track.filters) - place) <= DISTANCE and not _share_view(person, other)
+            not _share_view(person, other)
+            and np.linalg.norm(self._place_at(other, came.time) - came.place) <= DISTANCE
             for other in others
         )
 
+    def _place_at(self, person: OnlinePerson, time: float) -> Array:
+        """Return the place (2,) m of a person at a time (s), at the latest that of the last view."""
+        assert person.noise is not None  # it is learnt before people appear
+        positions = self._fit(person, person.noise, min(time, person.track.last)).positions
+        return numbering_places(positions[None])[0]
+
     def _first_seen(self, person: OnlinePerson, came: Appearance) -> SeenPerson:
         """Return a person as it appeared."""
-        assert person.noise is not None  # it is learnt before people appear
+        assert person.noise is not None
         fit = self._fit(person, person.noise, came.time)
         lengths = self._search.instant_lengths(fit.positions, fit.covariances)
         return SeenPerson(person.begin, person.begin_watched, came.place, *lengths)
