@@ -41,13 +41,14 @@ class PersonScores:
 
 @dataclass(frozen=True, slots=True)
 class IdentityScores:
-    """Counts of identity errors, and MOTA and IDF1 (at most 1)."""
+    """Counts of identity errors, MOTA and IDF1 (at most 1), and the share of found pairs with equal ids."""
 
     switches: int
     switches_over_gaps: int  # part of `switches`
     fragments: int
     mota: float
     idf1: float
+    same_ids: float
 
 
 def found_ids(pair: FramePair) -> dict[int, int]:
@@ -94,6 +95,7 @@ def score_identities(pairs: Sequence[FramePair]) -> IdentityScores:
         fragments=fragments,
         mota=1.0 - ratio(errors, people.truth),
         idf1=ratio(2 * _best_overlap(together), people.truth + people.result),
+        same_ids=ratio(sum(count for (who, name), count in together.items() if who == name), people.found),
     )
 
 

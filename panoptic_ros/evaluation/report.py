@@ -63,6 +63,7 @@ class Report:
                 "unmatched_per_frame": people.unmatched_per_frame,
                 "id_switches": identities.switches,
                 "id_switches_over_gaps": identities.switches_over_gaps,
+                "same_ids": identities.same_ids,
                 "fragments": identities.fragments,
                 "mota": identities.mota,
                 "idf1": identities.idf1,
