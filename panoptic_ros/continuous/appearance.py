@@ -74,4 +74,3 @@ def appearance(
                 k = int(np.argmax(inside))
                 return Appearance(float(times[k]), numbering_places(positions[k : k + 1])[0])
     return None
-

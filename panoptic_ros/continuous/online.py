@@ -261,13 +261,16 @@ class OnlineMotion:
         new = [
             (p, p.appeared)
             for p in people
-            if p.id < 0 and p.appeared and not (time < p.begin + TAIL_S and self._may_be_of(p, p.appeared, seen))
+            if p.id < 0
+            and p.appeared
+            and not (time < p.begin + TAIL_S and self._may_be_of(p, p.appeared, seen))
         ]
         begin = min((came.time for _, came in new), default=np.inf)
         if time < begin + HOLD_S:
             return
         lost = self._lost | {
-            number: self._lost_person(p)._replace(place=self._place_at(p, begin)) for number, p in unseen.items()
+            number: self._lost_person(p)._replace(place=self._place_at(p, begin))
+            for number, p in unseen.items()
         }
         firsts = [self._first_seen(p, came) for p, came in new]
         possible = np.array(

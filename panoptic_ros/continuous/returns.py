@@ -12,7 +12,15 @@ from panoptic_ros.continuous.appearance import Appearance
 from panoptic_ros.continuous.bones import LearntLengths
 from panoptic_ros.continuous.person import PersonCurve
 from panoptic_ros.domain import SkeletonModel
-from panoptic_ros.identity.likeness import FRAME_SIGMA, LASTING, BoneLengths, bone_evidence, paired, place_evidence, seen_bones
+from panoptic_ros.identity.likeness import (
+    FRAME_SIGMA,
+    LASTING,
+    BoneLengths,
+    bone_evidence,
+    paired,
+    place_evidence,
+    seen_bones,
+)
 from panoptic_ros.identity.numbering import numbering_order
 from panoptic_ros.identity.returns import RETURN_S, is_pause, returns_at_once
 

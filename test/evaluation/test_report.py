@@ -215,3 +215,11 @@ def test_switches_over_gaps_of_the_truth_are_told_apart(build):
     assert (swapped.switches, swapped.switches_over_gaps) == (2, 1)
     table = report_table(evaluate(blocks(lambda i: [0]), blocks(lambda i: [i // 40])))
     assert "1 (1 over gaps of the truth), fragments 0" in table
+
+
+def test_people_with_the_id_of_the_truth_are_counted(build):
+    sames = [
+        evaluate(build.walk(ids=lambda _: [3, 5]), build.walk(ids=lambda _: ids)).identities.same_ids
+        for ids in ([3, 5], [3, 0], [5, 3])
+    ]
+    assert sames == [1.0, 0.5, 0.0]

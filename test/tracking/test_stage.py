@@ -1,5 +1,6 @@
 """Identities over time."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -137,8 +138,16 @@ def test_a_ghost_gets_no_identity_and_a_weak_person_gets_one_soon():
     assert len(run(steady, confirm_frames=1)[0].ids) == 2
 
 
+def test_people_who_appear_together_are_numbered_by_their_places():
+    bodies = [body(0.3), body(-0.9), body(1.5)]
+    for order in itertools.permutations(range(3)):
+        (output,) = run([poses(0, [bodies[k] for k in order])])
+        assert output.ids.tolist() == [0, 1, 2]
+        assert np.array_equal(output.positions, [bodies[1], bodies[0], bodies[2]])
+
+
 def test_measured_skeletons_pass_unchanged():
-    item = poses(0, [body(0.3), body(-0.9)])
+    item = poses(0, [body(-0.9), body(0.3)])
     output = run([item])[0]
     assert np.array_equal(output.positions, item.positions)
     assert np.array_equal(output.covariances, item.covariances)
