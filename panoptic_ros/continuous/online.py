@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -19,9 +18,10 @@ from panoptic_ros.continuous.bones import (
 )
 from panoptic_ros.continuous.bystanders import are_inside
 from panoptic_ros.continuous.curves import ORDER, KnotGrid
-from panoptic_ros.continuous.follow import ViewTrack, ViewTracker, pairing_time_of
+from panoptic_ros.continuous.follow import ViewTrack, ViewTracker
 from panoptic_ros.continuous.instant import CameraRows, InstantFit, fit_instant, window_rays
 from panoptic_ros.continuous.motion import JointFilters, predict
+from panoptic_ros.continuous.periods import CameraPeriods
 from panoptic_ros.continuous.problem import (
     CAUCHY,
     FIRST_NOISE,
@@ -57,9 +57,6 @@ FIRST_ROUNDS, EARLY_ROUNDS, ROUNDS = 8, 3, 1
 HOLD_S = 0.1
 KEPT_DISTANCES = 500  # number of newest measurements of lengths that are kept
 LEAST_DISTANCES = 25  # minimum number of measurements from which lengths are used
-KEPT_STEPS = 9  # number of newest times between frames whose median is the period of a camera
-LONGEST_STEP_S = 1.0  # s; a longer time between frames is a pause
-USUAL_PERIOD_S = 0.1  # s, period before any camera has given two frames
 NO_PAIRS = np.zeros((0, 2), np.int64)
 NO_LENGTHS = LearntLengths(np.zeros(0), np.zeros(0), np.zeros(0))
 
@@ -76,36 +73,6 @@ class PersonInstant(NamedTuple):
     id: int
     report: JointReport
     velocities: Array
-
-
-class CameraPeriods:
-    """Times between the frames of each camera, from the newest ones."""
-
-    def __init__(self) -> None:
-        self._last: dict[int, float] = {}  # s, by camera
-        self._steps: dict[int, deque[float]] = {}  # s, by camera
-        self._periods: dict[int, float] = {}  # s, by camera, median of the steps
-
-    def take(self, camera: int, time: float) -> None:
-        """Add the time (s) of a frame; times of a camera increase."""
-        last = self._last.get(camera)
-        self._last[camera] = time
-        if last is None or time - last > LONGEST_STEP_S:
-            return
-        steps = self._steps.setdefault(camera, deque(maxlen=KEPT_STEPS))
-        steps.append(time - last)
-        self._periods[camera] = sorted(steps)[len(steps) // 2]
-
-    @property
-    def pairing_time(self) -> float:
-        """Return the time (s) between two views that may start a person."""
-        return pairing_time_of(self._periods.values())
-
-    @property
-    def typical(self) -> float:
-        """Return the typical period (s) of a camera."""
-        periods = sorted(self._periods.values())
-        return periods[len(periods) // 2] if periods else USUAL_PERIOD_S
 
 
 @dataclass(eq=False)
@@ -255,33 +222,25 @@ class OnlineMotion:
 
         The track of a person who was not seen since another track of it began ends.
         """
-        people = self._people.values()
-        unseen = {p.id: p for p in people if p.id >= 0 and p.track.last < time - HOLD_S}
-        seen = [p for p in people if p.id >= 0 and p.id not in unseen]
-        new = [
-            (p, p.appeared)
-            for p in people
-            if p.id < 0
-            and p.appeared
-            and not (time < p.begin + TAIL_S and self._may_be_of(p, p.appeared, seen))
-        ]
+        known = [p for p in self._people.values() if p.id >= 0]
+        unseen = {p.id: p for p in known if p.track.last < time - HOLD_S}
+        new = []
+        for person in self._people.values():
+            if person.id < 0 and person.appeared is not None:
+                if time >= person.begin + TAIL_S or not self._may_be_of(person, person.appeared, known, time):
+                    new.append((person, person.appeared))
         begin = min((came.time for _, came in new), default=np.inf)
         if time < begin + HOLD_S:
             return
-        lost = self._lost | {
-            number: self._lost_person(p)._replace(place=self._place_at(p, begin))
-            for number, p in unseen.items()
-        }
+        lost = dict(self._lost)
+        for number, one in unseen.items():
+            lost[number] = self._lost_person(one)._replace(place=self._place_at(one, begin))
         firsts = [self._first_seen(p, came) for p, came in new]
-        possible = np.array(
-            [
-                [
-                    one.time < p.begin + TAIL_S and not (number in unseen and _share_view(p, unseen[number]))
-                    for p, _ in new
-                ]
-                for number, one in lost.items()
-            ]
-        )
+        possible = np.ones((len(lost), len(new)), bool)
+        for row, (number, away) in enumerate(lost.items()):
+            for k, (p, _) in enumerate(new):
+                shared = number in unseen and _share_view(p, unseen[number])
+                possible[row, k] = away.time < p.begin + TAIL_S and not shared
         for k, row in self._search.returned(list(lost.values()), firsts, possible).items():
             number = list(lost)[row]
             self._lost.pop(number, None)
@@ -296,13 +255,16 @@ class OnlineMotion:
             new[row][0].id = self.ids
             self.ids += 1
 
-    def _may_be_of(self, person: OnlinePerson, came: Appearance, others: Sequence[OnlinePerson]) -> bool:
-        """Return whether a person may be one of others whose tracks will end: a near one, and no view shows both.
+    def _may_be_of(
+        self, person: OnlinePerson, came: Appearance, others: Sequence[OnlinePerson], time: float
+    ) -> bool:
+        """Return whether a person may be one of others who are seen at a time (s): near, and in no common view.
 
-        Places are those at the appearance, as a track that loses most cameras drifts away.
+        The track of the other then ends soon. It drifts away, so places are those at the appearance.
         """
         return any(
-            not _share_view(person, other)
+            other.track.last >= time - HOLD_S
+            and not _share_view(person, other)
             and np.linalg.norm(self._place_at(other, came.time) - came.place) <= DISTANCE
             for other in others
         )
@@ -310,8 +272,10 @@ class OnlineMotion:
     def _place_at(self, person: OnlinePerson, time: float) -> Array:
         """Return the place (2,) m of a person at a time (s), at the latest that of the last view."""
         assert person.noise is not None  # it is learnt before people appear
-        positions = self._fit(person, person.noise, min(time, person.track.last)).positions
-        return numbering_places(positions[None])[0]
+        place: Array = numbering_places(
+            self._fit(person, person.noise, min(time, person.track.last)).positions[None]
+        )[0]
+        return place
 
     def _first_seen(self, person: OnlinePerson, came: Appearance) -> SeenPerson:
         """Return a person as it appeared."""

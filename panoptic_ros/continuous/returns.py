@@ -25,7 +25,7 @@ from panoptic_ros.identity.numbering import numbering_order
 from panoptic_ros.identity.returns import RETURN_S, is_pause, returns_at_once
 
 Array = np.ndarray
-TAIL_S = 0.5  # s, longest time for which a track goes on that loses a person to a new track
+TAIL_S = 0.5  # s, longest time for which a track that loses its person to a new track lasts
 OVERLAP_S = 0.05  # s, longest time from the first to the last row of an image
 DISTANCE, SPEED = 0.6, 1.2  # m and m/s: reach of a lost person, as in tracking
 
@@ -35,7 +35,7 @@ class SeenPerson(NamedTuple):
 
     Args:
         time: (s) of the last or the first view.
-        watched: (s) the same time on a clock that stands still while no camera has views, see `watched_times`.
+        watched: (s) the same time on a clock that stands still in pauses, see `watched_times`.
         place: (2,) m on the ground at that time.
         lengths: (B,) m of the bones, NaN = unknown.
         variances: (B,) m^2.
@@ -70,7 +70,7 @@ class ReturnSearch:
         return BoneLengths(lengths, learnt.variances[rows] + LASTING * FRAME_SIGMA**2)
 
     def instant_lengths(self, positions: Array, covariances: Array) -> BoneLengths:
-        """Return the bones (B,) of a person with joints (J, 3) m and covariances (J, 3, 3) m^2 at an instant."""
+        """Return the bones (B,) of joints (J, 3) m with covariances (J, 3, 3) m^2 at an instant."""
         one = seen_bones(positions[None], covariances[None], self._bones)
         return BoneLengths(one.lengths[0], one.variances[0])
 
@@ -86,8 +86,8 @@ class ReturnSearch:
             return {}
         time, watched = min((one.time, one.watched) for one in new)
         possible = possible & (np.array([watched - one.watched for one in lost])[:, None] <= RETURN_S)
-        rows = np.flatnonzero(possible.any(axis=1))
-        if not len(rows):
+        rows = np.flatnonzero(possible.any(axis=1)).tolist()
+        if not rows:
             return {}
         away = [lost[k] for k in rows]
         missed = np.maximum([watched - one.watched for one in away], 0.0)
@@ -96,7 +96,7 @@ class ReturnSearch:
         distances = np.linalg.norm(gaps, axis=-1)
         odds = bone_evidence(_bones(away), _bones(new), self._groups) + place_evidence(distances, unseen)
         near = possible[rows] & (distances <= (DISTANCE + SPEED * unseen)[:, None])
-        return {p: int(rows[t]) for t, p in returns_at_once(odds, missed, near)}
+        return {p: rows[t] for t, p in returns_at_once(odds, missed, near)}
 
 
 def _bones(people: Sequence[SeenPerson]) -> BoneLengths:

@@ -14,7 +14,8 @@ from panoptic_ros.continuous.config import ContinuousStageConfig
 from panoptic_ros.continuous.example import follow_example
 from panoptic_ros.continuous.follow import Entry, ViewTrack
 from panoptic_ros.continuous.motion import JointFilters
-from panoptic_ros.continuous.online import BEFORE_S, LEARNING_S, CameraPeriods, OnlineMotion, OnlinePerson
+from panoptic_ros.continuous.online import BEFORE_S, LEARNING_S, OnlineMotion, OnlinePerson
+from panoptic_ros.continuous.periods import CameraPeriods
 from panoptic_ros.continuous.problem import LearntNoise
 from panoptic_ros.continuous.reports import ABSENT_S, pose_set
 from panoptic_ros.continuous.returns import SeenPerson

@@ -1,12 +1,15 @@
-"""Order in which new people are numbered. It depends on neither rows, cameras nor stages."""
+"""Order in which new people are numbered, in tracking and in continuous time.
+
+It depends on times and places of appearance only, not on the order of rows, cameras or tracks.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 Array = np.ndarray
-# Direction on the ground, x and y of the world. People in rows, grids and round tables that are aligned with the
-# axes have distinct places along it: at least 0.1 m apart, for up to 6 people 1 m apart. No slope gives more.
+# Direction on the ground, x and y of the world. Noise exchanges few people: for up to 6 people 1 m apart in rows,
+# grids and round tables that are aligned with the axes, this direction has the largest least distance, 0.1 m.
 DIRECTION = np.array([1.0, 0.44]) / np.hypot(1.0, 0.44)
 
 
@@ -18,7 +21,7 @@ def numbering_order(places: Array, times: Array | None = None, interval: float =
     Args:
         places: (P, 2) m, world, places on the ground at appearance.
         times: (P,) s, of appearance; None = the same time for all.
-        interval: (s) time from the first of several people in which the others have appeared together with it.
+        interval: (s) time after the first of several people in which others appear together with it.
     """
     if times is None:
         times = np.zeros(len(places))

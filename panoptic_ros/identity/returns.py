@@ -32,9 +32,8 @@ def returns_at_once(odds: Array, missed: Array, near: Array) -> list[tuple[int, 
 
 
 def is_pause(steps: Array | float) -> Array:
-    """Return whether times (s) without views are pauses, in which nobody is missed.
+    """Return whether times (s) without views are pauses.
 
-    Cameras paused, or a node was restarted.
+    Cameras paused, or a node was restarted. A pause is no time in which people are missed.
     """
-    pause: Array = (steps > PAUSE_S[0]) & (steps <= PAUSE_S[1])
-    return pause
+    return (PAUSE_S[0] < np.asarray(steps)) & (np.asarray(steps) <= PAUSE_S[1])

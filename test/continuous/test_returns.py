@@ -48,7 +48,7 @@ SCENES = {
 
 
 def turned_round(sets):
-    """The same views, with cameras and rows in reversed order."""
+    """Yield the same sets with cameras and rows in reversed order."""
     for item in sets:
         views = []
         for view in reversed(item.views):

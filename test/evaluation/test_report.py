@@ -218,8 +218,7 @@ def test_switches_over_gaps_of_the_truth_are_told_apart(build):
 
 
 def test_people_with_the_id_of_the_truth_are_counted(build):
-    sames = [
-        evaluate(build.walk(ids=lambda _: [3, 5]), build.walk(ids=lambda _: ids)).identities.same_ids
-        for ids in ([3, 5], [3, 0], [5, 3])
-    ]
-    assert sames == [1.0, 0.5, 0.0]
+    truth = build.walk(ids=lambda _: [3, 5])
+    for ids, share in (([3, 5], 1.0), ([3, 0], 0.5), ([5, 3], 0.0)):
+        result = build.walk(ids=lambda _, ids=ids: ids)
+        assert evaluate(truth, result).identities.same_ids == share
