@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,3 +27,14 @@ def designated(subject: Subject, people: Sequence[PersonCurve]) -> int:
         return people[0].id
     places = [np.nanmedian(person.at(person.seen[:1])[0], axis=0) for person in people]
     return people[int(np.argmin(np.linalg.norm(np.array(places) - subject.start, axis=1)))].id
+
+
+def with_subject_id(people: Sequence[PersonCurve], chosen: int, subject: int) -> list[PersonCurve]:
+    """Return the people with the id of the subject, which tracking gives to no other person.
+
+    Args:
+        chosen: number of the subject among the people; -1 = no person.
+        subject: id of the subject.
+    """
+    ids = {chosen: subject} if chosen >= 0 else {}
+    return [replace(person, id=ids.get(person.id, person.id + (person.id >= subject))) for person in people]

@@ -258,7 +258,7 @@ class OnlineMotion:
     def _may_be_of(
         self, person: OnlinePerson, came: Appearance, others: Sequence[OnlinePerson], time: float
     ) -> bool:
-        """Return whether a person may be one of others who are seen at a time (s): near, and in no common view.
+        """Return whether a person may be one of others, seen at a time (s): near, and in no common view.
 
         The track of the other then ends soon. It drifts away, so places are those at the appearance.
         """

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 Array = np.ndarray
-# Direction on the ground, x and y of the world. Noise exchanges few people: for up to 6 people 1 m apart in rows,
-# grids and round tables that are aligned with the axes, this direction has the largest least distance, 0.1 m.
+# Direction on the ground, x and y of the world. Noise exchanges few people: for up to 6 people 1 m apart in
+# rows, grids and round tables that are aligned with the axes, the least distance along it is largest, 0.1 m.
 DIRECTION = np.array([1.0, 0.44]) / np.hypot(1.0, 0.44)
 
 

@@ -6,7 +6,8 @@ import pytest
 from free_cameras import FreeCapture
 
 from panoptic_ros.continuous.curves import KnotGrid, covariances_at
-from panoptic_ros.continuous.online import BEFORE_S, CameraPeriods, OnlineMotion
+from panoptic_ros.continuous.online import BEFORE_S, OnlineMotion
+from panoptic_ros.continuous.periods import CameraPeriods
 from panoptic_ros.continuous.problem import STEP_S, CurveProblem, TrackRays
 from panoptic_ros.domain.of_all import selected
 from panoptic_ros.domain.rig_arrays import RigArrays

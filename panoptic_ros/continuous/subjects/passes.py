@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from panoptic_ros.continuous.config import ContinuousConfig
-from panoptic_ros.continuous.designated import designated
+from panoptic_ros.continuous.designated import designated, with_subject_id
 from panoptic_ros.continuous.elhayek.body import misfits_of, skeleton_from
 from panoptic_ros.continuous.elhayek.skeleton import skeleton_of
 from panoptic_ros.continuous.motion_result import ContinuousMotion
@@ -60,6 +60,7 @@ class SubjectPass:
                 people[k], misfits = self._fitted(person)
                 notices += self._told(misfits)
         progress(1.0, "fitting the subject")
+        people = with_subject_id(people, chosen, self._subject.id)
         return replace(motion, people=tuple(people), notices=tuple(notices))
 
     def _told(self, misfits: Array) -> list[Notice]:
