@@ -27,9 +27,9 @@ from panoptic_ros.domain import ScoreMaps
 from panoptic_ros.domain.rig_arrays import RigArrays
 
 Array = np.ndarray
-# Standard deviations, in cells, of the Gaussian that smooths a map: wide enough for the error of an
-# extrapolation at first. The last one hardly widens the blobs of a network.
-WIDTHS = (4.0, 1.0)
+# Standard deviations, in cells, of the Gaussian that smooths a map. The first one covers the error of an
+# extrapolation: without it, runners are lost. With 4, people who pass disturb each other more.
+WIDTHS = (2.0, 1.0)
 LEAST_LEFT = 0.1  # minimum share of the equations that no coefficient spends
 
 
