@@ -87,8 +87,8 @@ def _check_maps(task: ContinuousTask) -> None:
         DataError: if there is none.
     """
     views = views_in_order(task.recording.records("detection_sets"))
-    if all(view.maps is None for view in views):
+    if views and all(view.maps is None for view in views):
         raise DataError(
-            f"none of the {len(views)} views has score maps, which --score-maps fits; give images or a bag of a "
-            "detector that has them, or fit 2D joints without the option"
+            f"none of the {len(views)} views has score maps, which --score-maps needs; give a bag or images "
+            "of a detector that has them, or leave the option out"
         )

@@ -57,8 +57,10 @@ class ImageTerm:
         parts = [_near_body(image.blobs, *one, body) for image, one in zip(images, zip(means, sigmas))]
         blobs, pairs, weights = zip(*parts)
         first = np.cumsum([0, *(len(own.sigmas) for own in blobs)])
-        means, sigmas = ([getattr(own, name) for own in blobs] for name in PlaneBlobs._fields)
-        self._blobs = PlaneBlobs(*(np.concatenate(part).astype(np.float64) for part in (means, sigmas)))
+        self._blobs = PlaneBlobs(
+            np.concatenate([own.means for own in blobs]).astype(np.float64),
+            np.concatenate([own.sigmas for own in blobs]).astype(np.float64),
+        )
         self._weights = np.concatenate(weights) / len(images)
         self._pairs = BlobPairs(
             np.concatenate([start + own.image for start, own in zip(first, pairs)]),

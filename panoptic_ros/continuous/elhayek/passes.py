@@ -72,7 +72,8 @@ class ElhayekPass:
         self._arrays = RigArrays.of(context.rig)
         self._model: SegmentModel = context.extras["segments"]
         self._fitted = fitted
-        self._shape: BodyShape | None = context.extras.get("body_shape")
+        if fitted == "images":
+            self._shape: BodyShape = context.extras["body_shape"]
 
     def run(self, recording: Recording, progress: Progress) -> ContinuousMotion:
         """Return the motion of all people.

@@ -1,8 +1,8 @@
 """Similarity of joints to score maps, each map at its own timestamp.
 
-A score map counts as the image of equation 1 of the paper: a cell is an image blob, its joint the colour, its
-score the similarity to a model blob of that joint. So a joint gets the smoothed score at its projection.
-Maps are not assigned to people: a map shows the joints of all of them.
+A score map counts as an image of equation 1 of the paper. Its cells are the image blobs, and their score is
+the similarity to the model blob of their joint. So a joint gets the smoothed score at its projection. Maps
+are not assigned to people: a map shows the joints of all of them.
 """
 
 from __future__ import annotations

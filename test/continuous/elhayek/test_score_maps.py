@@ -1,6 +1,7 @@
 """Score maps as image term: cells, gradients, covariances, ambiguous maps and the whole pass."""
 
 from dataclasses import replace
+from functools import partial
 
 import hinged_people
 import numpy as np
@@ -27,11 +28,9 @@ LEFT, RIGHT = NAMES.index("lAnkle"), NAMES.index("rAnkle")
 
 
 def mapped(capture, spoil=lambda maps: maps):
-    """The views of a capture, in sets of one, with drawn score maps."""
+    """Yield the views of a capture, in sets of one, with drawn score maps."""
     for item in capture.sets:
-        yield replace(
-            item, views=tuple(replace(v, maps=spoil(draw_maps(v, DRAWING))) for v in item.views)
-        )
+        yield replace(item, views=tuple(replace(v, maps=spoil(draw_maps(v, DRAWING))) for v in item.views))
 
 
 def cells_of(capture, spoil=lambda maps: maps):
@@ -46,7 +45,7 @@ def cells_of(capture, spoil=lambda maps: maps):
 
 
 def with_ankles_in_both_maps(maps):
-    """The maps of both ankles show both of them: the right place a little weaker than the wrong one."""
+    """Return maps of both ankles that show both of them; the right place has the smaller score."""
     ankles = np.isin(maps.joints, (LEFT, RIGHT))
     sizes = maps.sizes.prod(axis=1)
     own = np.repeat(ankles, sizes)
@@ -66,7 +65,7 @@ def fitted(views, segment, arrays, start):
     """Coefficients (D, L) near `start` that fit the score maps of a segment, and the last energy."""
     measured, found = ScoreMapMeasurements(views, SKELETON, arrays), start
     for fit in range(measured.fits):
-        term = measured.term(fit, segment, lambda t: basis(t, segment, start.shape[1]) @ found.T)
+        term = measured.term(fit, segment, partial(poses_of, found, segment))
         energy = SegmentEnergy(segment, term, SKELETON.limits, start)
         found = minimise(energy, found, start.shape[1])
     return found, energy
@@ -78,10 +77,15 @@ def true_motion(segment, count=5):
     return np.linalg.lstsq(basis(times, segment, count), freedoms(times), rcond=None)[0].T
 
 
+def poses_of(coefficients, segment, times):
+    """Degrees of freedom (T, D) at times (T,) s."""
+    return basis(times, segment, coefficients.shape[1]) @ coefficients.T
+
+
 def errors_of(coefficients, segment):
     """Errors (T, J) m of the joints inside a segment."""
     times = np.linspace(*segment, 9)[1:-1]
-    found = basis(times, segment, coefficients.shape[1]) @ coefficients.T
+    found = poses_of(coefficients, segment, times)
     return np.linalg.norm(SKELETON.joints(found) - SKELETON.joints(freedoms(times)), axis=-1)
 
 
