@@ -74,8 +74,9 @@ class ImageTerm:
         sigmas = SIGMA * self._body.radii / depths
         found = similarity(self._blobs, self._weights, means.reshape(-1, 2), sigmas.ravel(), self._pairs)
         sums = found.sums(of_means)
-        growths = found.by_sigmas.reshape(sigmas.shape) * sigmas / depths
-        return sums._replace(gradients=sums.gradients + np.einsum("tn,tnd->td", growths, of_depths))
+        shrinking = of_depths * (sigmas / depths)[..., None]  # minus the derivatives of the sigmas
+        growths = found.by_sigmas.reshape(sigmas.shape)
+        return sums._replace(gradients=sums.gradients + np.einsum("tn,tnd->td", growths, shrinking))
 
     def precision(self, freedoms: Array, spent: int) -> float:
         """Return the factor from the matrices of `sums` to the information of the images."""
