@@ -39,6 +39,7 @@ CONFIGS = {  # unknowns of the continuous pass; other cases have none
 # seconds of a case and seed, measured
 COSTS = {
     "faster": 35.0,
+    "crossing": 40.0,
     "free": 8.0,
     "clocks": 13.0,
     "shutter": 16.0,

@@ -185,12 +185,16 @@ METHODS: dict[str, Callable[[CaptureUnderTest], MotionResult]] = {
 }
 
 
+_PRESET: dict[str, Callable[[CaptureUnderTest], MotionResult]] = {
+    "elhayek": elhayek,
+    "maps": partial(elhayek, fitted="maps"),
+}
 OF_CASE = {  # methods by case; the others have `METHODS`
-    "faster": METHODS | {"elhayek": elhayek, "maps": partial(elhayek, fitted="maps"), "subject": subject},
+    "faster": METHODS | _PRESET | {"subject": subject},
     "staggered": METHODS | {"subject": subject},
+    "crossing": METHODS | _PRESET,
     "free": METHODS | {"subject": subject},
-    "rendered": METHODS
-    | {"elhayek": elhayek, **{name: partial(elhayek, fitted=name) for name in ("maps", "images")}},
+    "rendered": METHODS | _PRESET | {"images": partial(elhayek, fitted="images")},
 }
 
 
