@@ -60,8 +60,8 @@ def solve_preset(
 
     Args:
         subject: file with the skeleton of a person.
-        images: capture folder whose images are fitted instead of the 2D joints.
-        score_maps: fit the score maps of the views instead of the 2D joints.
+        images: capture folder whose images are fitted.
+        score_maps: fit the score maps of the views.
 
     Raises:
         UserError: if the rig, the recording, the subject, the images or the score maps cannot be used.
