@@ -13,8 +13,6 @@ from panoptic_ros.continuous.bones import LearntLengths
 from panoptic_ros.continuous.person import PersonCurve
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.identity.likeness import (
-    FRAME_SIGMA,
-    LASTING,
     BoneLengths,
     bone_evidence,
     paired,
@@ -27,8 +25,8 @@ from panoptic_ros.identity.returns import RETURN_S, is_pause, returns_at_once
 Array = np.ndarray
 TAIL_S = 0.5  # s, longest time for which a track that loses its person to a new track lasts
 OVERLAP_S = 0.05  # s, longest time from the first to the last row of an image
-# m, error of learnt lengths that no averaging removes. From 2.8 mm on, people of Shelf keep their ids over cuts;
-# at 4.5 mm, a simulated newcomer of the same size gets the id of a lost person
+# m, error of learnt lengths that no averaging removes. With 2.8 mm or more, people of Shelf keep their ids
+# over cuts; with 4.5 mm, a simulated newcomer of the same size gets the id of a lost person
 LASTING_SIGMA = 3e-3
 DISTANCE, SPEED = 0.6, 1.2  # m and m/s: reach of a lost person, as in tracking
 

@@ -8,6 +8,7 @@ from free_cameras import START_NS
 from hinged_people import BODIES, MODEL, NAMES, HingedCapture
 
 from panoptic_ros.continuous.config import ContinuousConfig
+from panoptic_ros.continuous.designated import with_subject_id
 from panoptic_ros.continuous.passes import ContinuousPass
 from panoptic_ros.continuous.subjects.passes import SubjectPass
 from panoptic_ros.domain.subjects import Subject
@@ -59,13 +60,15 @@ def test_bones_keep_the_lengths_of_the_file(motion, free):
     known = np.linalg.norm(BODIES[1].offsets[MODEL.index("rFoot")])
     (person,) = (one for one in motion.people if abs(lengths(one, "rKnee", "rAnkle")[0] - known) < 1e-4)
     assert max(np.ptp(lengths(person, *limb)) for limb in LIMBS) < 1e-4
-    assert min(np.ptp(lengths(free.people[person.id], *limb)) for limb in LIMBS) > 1e-3
+    (before,) = (one for one in free.people if np.array_equal(one.seen, person.seen))
+    assert min(np.ptp(lengths(before, *limb)) for limb in LIMBS) > 1e-3
 
 
 def test_bystanders_stay_as_they_are(motion, free):
     same = [np.array_equal(a.points, b.points) for a, b in zip(motion.people, free.people)]
     assert sorted(same) == [False, True]
-    assert [a.id for a in motion.people] == [a.id for a in free.people]
+    (k,) = (k for k, one in enumerate(same) if not one)
+    assert [person.id for person in motion.people] == [int(row != k) for row in range(2)]  # the subject is 0
 
 
 def test_bones_are_fitted_if_the_file_states_a_stature_alone(capture, free):
@@ -101,3 +104,9 @@ def test_a_subject_who_is_not_always_seen_is_followed_past_the_gap():
 def test_the_subject_among_several_people_needs_a_start(capture):
     with pytest.raises(UsageError, match="2 people are there; state the subject's start"):
         solved(capture, Subject(0, BODIES[0]))
+
+
+def test_nobody_else_has_the_id_of_the_subject(free):
+    other = with_subject_id(free.people, free.people[0].id, 7)
+    assert sorted(person.id for person in other) == [free.people[1].id, 7]
+    assert [person.id for person in with_subject_id(free.people, -1, 0)] == [p.id + 1 for p in free.people]
