@@ -1,4 +1,4 @@
-"""Appearance of people: the time from which a person is numbered, as in tracking."""
+"""FirstAppearance of people: the time from which a person is numbered, as in tracking."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TOGETHER = 0.9
 PART = 100  # number of instants that are tested at once
 
 
-class Appearance(NamedTuple):
+class FirstAppearance(NamedTuple):
     """First time at which a person in the capture space is shown well.
 
     Args:
@@ -57,7 +57,7 @@ def appearance(
     period: float,
     cameras: Sequence[Camera],
     needed: int,
-) -> Appearance | None:
+) -> FirstAppearance | None:
     """Return the appearance of a person; None if the person is never in the capture space.
 
     Args:
@@ -72,5 +72,5 @@ def appearance(
             inside = are_inside(times, positions, seen.times, seen.cameras, period, cameras, needed)
             if inside.any():
                 k = int(np.argmax(inside))
-                return Appearance(float(times[k]), numbering_places(positions[k : k + 1])[0])
+                return FirstAppearance(float(times[k]), numbering_places(positions[k : k + 1])[0])
     return None

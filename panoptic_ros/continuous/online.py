@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.continuous.appearance import TOGETHER, Appearance, well_shown
+from panoptic_ros.continuous.appearance import TOGETHER, FirstAppearance, well_shown
 from panoptic_ros.continuous.bones import (
     LearntLengths,
     PairDistances,
@@ -89,7 +89,7 @@ class OnlinePerson:
         noise: Learnt noise and stiffness. None before the first learning.
         distances: Newest measurements of the lengths.
         bones: Learnt lengths. None before there are enough measurements.
-        appeared: Appearance; None = the person was never in the capture space, and is not reported.
+        appeared: FirstAppearance; None = the person was never in the capture space, and is not reported.
     """
 
     id: int
@@ -102,7 +102,7 @@ class OnlinePerson:
     noise: LearntNoise | None = None
     distances: PairDistances | None = None
     bones: LearntLengths | None = None
-    appeared: Appearance | None = None
+    appeared: FirstAppearance | None = None
 
 
 class OnlineMotion:
@@ -256,7 +256,7 @@ class OnlineMotion:
             self.ids += 1
 
     def _may_be_of(
-        self, person: OnlinePerson, came: Appearance, others: Sequence[OnlinePerson], time: float
+        self, person: OnlinePerson, came: FirstAppearance, others: Sequence[OnlinePerson], time: float
     ) -> bool:
         """Return whether a person may be one of others, seen at a time (s): near, and in no common view.
 
@@ -277,7 +277,7 @@ class OnlineMotion:
         )[0]
         return place
 
-    def _first_seen(self, person: OnlinePerson, came: Appearance) -> SeenPerson:
+    def _first_seen(self, person: OnlinePerson, came: FirstAppearance) -> SeenPerson:
         """Return a person as it appeared."""
         assert person.noise is not None
         fit = self._fit(person, person.noise, came.time)
@@ -325,7 +325,7 @@ class OnlineMotion:
         if person.distances.lengths.shape[1] >= LEAST_DISTANCES:
             person.bones = learn_lengths(person.distances)
 
-    def _appearance(self, person: OnlinePerson, noise: LearntNoise, since: float) -> Appearance | None:
+    def _appearance(self, person: OnlinePerson, noise: LearntNoise, since: float) -> FirstAppearance | None:
         """Return the appearance of a person who is in the capture space now and was not at a time (s)."""
         track, seen, period = person.track, person.seen, self._periods.typical
         inside = are_inside(
@@ -341,7 +341,7 @@ class OnlineMotion:
             return None
         shown = seen.times[well_shown(seen, period) & (seen.times >= since)]
         time = float(shown[0]) if len(shown) else track.last
-        return Appearance(time, numbering_places(self._fit(person, noise, time).positions[None])[0])
+        return FirstAppearance(time, numbering_places(self._fit(person, noise, time).positions[None])[0])
 
     def _fit(self, person: OnlinePerson, noise: LearntNoise, time: float) -> InstantFit:
         """Return the joints of a person at a time (s)."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.continuous.appearance import Appearance
+from panoptic_ros.continuous.appearance import FirstAppearance
 from panoptic_ros.continuous.bones import LearntLengths
 from panoptic_ros.continuous.person import PersonCurve
 from panoptic_ros.domain import SkeletonModel
@@ -23,7 +23,7 @@ from panoptic_ros.identity.numbering import numbering_order
 from panoptic_ros.identity.returns import RETURN_S, is_pause, returns_at_once
 
 Array = np.ndarray
-TAIL_S = 0.5  # s, longest time for which a track that loses its person to a new track lasts
+TAIL_S = 0.5  # s, longest time from the start of a new track of a person to the end of the earlier one
 OVERLAP_S = 0.05  # s, longest time from the first to the last row of an image
 # m, error of learnt lengths that no averaging removes. With 2.8 mm or more, people of Shelf keep their ids
 # over cuts; with 4.5 mm, a simulated newcomer of the same size gets the id of a lost person
@@ -117,7 +117,7 @@ def watched_times(times: Array, frames: Array) -> Array:
 
 
 def with_identities(
-    people: Sequence[tuple[PersonCurve, Appearance]],
+    people: Sequence[tuple[PersonCurve, FirstAppearance]],
     skeleton: SkeletonModel,
     pairs: Array,
     frames: Array,

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from math import ceil
 
-from panoptic_ros.continuous.appearance import Appearance
+from panoptic_ros.continuous.appearance import FirstAppearance
 from panoptic_ros.continuous.bones import LearntLengths, PairDistances
 from panoptic_ros.continuous.config import ContinuousStageConfig
 from panoptic_ros.continuous.example import follow_example
@@ -87,7 +87,7 @@ class ContinuousStage(Stateful):
             TimedFrame,
             CameraClock,
             OnlinePerson,
-            Appearance,
+            FirstAppearance,
             ViewTrack,
             JointFilters,
             Entry,
