@@ -55,6 +55,8 @@ LEARN_EVERY_S = 0.15  # s between two times of learning
 FIRST_ROUNDS, EARLY_ROUNDS, ROUNDS = 8, 3, 1
 # s from the appearance of a person to its number: those who appear together are confirmed within it
 HOLD_S = 0.1
+# m per axis, standard deviation up to which a joint counts for the place of a person: hidden joints would move it
+CERTAIN = 0.03
 KEPT_DISTANCES = 500  # number of newest measurements of lengths that are kept
 LEAST_DISTANCES = 25  # minimum number of measurements from which lengths are used
 NO_PAIRS = np.zeros((0, 2), np.int64)
@@ -272,10 +274,7 @@ class OnlineMotion:
     def _place_at(self, person: OnlinePerson, time: float) -> Array:
         """Return the place (2,) m of a person at a time (s), at the latest that of the last view."""
         assert person.noise is not None  # it is learnt before people appear
-        place: Array = numbering_places(
-            self._fit(person, person.noise, min(time, person.track.last)).positions[None]
-        )[0]
-        return place
+        return certain_place(self._fit(person, person.noise, min(time, person.track.last)))
 
     def _first_seen(self, person: OnlinePerson, came: FirstAppearance) -> SeenPerson:
         """Return a person as it appeared."""
@@ -341,7 +340,9 @@ class OnlineMotion:
             return None
         shown = seen.times[well_shown(seen, period) & (seen.times >= since)]
         time = float(shown[0]) if len(shown) else track.last
-        return FirstAppearance(time, numbering_places(self._fit(person, noise, time).positions[None])[0])
+        if since <= person.begin:  # the first views of a new track may be missing
+            time = person.begin
+        return FirstAppearance(time, certain_place(self._fit(person, noise, time)))
 
     def _fit(self, person: OnlinePerson, noise: LearntNoise, time: float) -> InstantFit:
         """Return the joints of a person at a time (s)."""
@@ -370,6 +371,14 @@ class OnlineMotion:
 def _share_view(person: OnlinePerson, other: OnlinePerson) -> bool:
     """Return whether a view shows both."""
     return bool(np.isin(person.seen.frames, other.seen.frames).any())
+
+
+def certain_place(fit: InstantFit) -> Array:
+    """Return the place (2,) m of a person by the joints that are known well, see `numbering_places`."""
+    sigmas = np.sqrt(np.trace(fit.covariances, axis1=-2, axis2=-1) / 3.0)
+    sure = sigmas <= max(CERTAIN, float(sigmas.min()))
+    place: Array = numbering_places(fit.positions[None, sure])[0]
+    return place
 
 
 def _place(filters: JointFilters) -> Array:
