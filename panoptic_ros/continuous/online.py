@@ -55,7 +55,7 @@ LEARN_EVERY_S = 0.15  # s between two times of learning
 FIRST_ROUNDS, EARLY_ROUNDS, ROUNDS = 8, 3, 1
 # s from the appearance of a person to its number: those who appear together are confirmed within it
 HOLD_S = 0.1
-# m per axis, standard deviation up to which a joint counts for the place of a person: hidden joints would move it
+# m per axis, standard deviation up to which a joint counts for the place of a person; others would move it
 CERTAIN = 0.03
 KEPT_DISTANCES = 500  # number of newest measurements of lengths that are kept
 LEAST_DISTANCES = 25  # minimum number of measurements from which lengths are used
@@ -340,7 +340,7 @@ class OnlineMotion:
             return None
         shown = seen.times[well_shown(seen, period) & (seen.times >= since)]
         time = float(shown[0]) if len(shown) else track.last
-        if since <= person.begin:  # the first views of a new track may be missing
+        if since < person.begin + 0.5 * period:  # the first views of a new track may be missing
             time = person.begin
         return FirstAppearance(time, certain_place(self._fit(person, noise, time)))
 
