@@ -41,8 +41,8 @@ def fit_with_lengths(problem: CurveProblem, fit: CurveFit, pairs: Array, learnt:
     shares = free_shares(fit.points, pairs, learnt, marginal)
     stiffness = marginal * shares[:, None]
     for step in range(1, MOST_STEPS + 1):
-        points, columns = step_with_lengths(problem, fit.points, pairs, learnt, stiffness)
-        inverses = block_inverses(columns, joints, columns.shape[1] // (3 * joints))
+        points, factor = step_with_lengths(problem, fit.points, pairs, learnt, stiffness)
+        inverses = block_inverses(factor)
         fit = fit._replace(points=points, inverses=inverses)
         problem.compare(fit)
         shares = free_shares(points, pairs, learnt, stiffness)

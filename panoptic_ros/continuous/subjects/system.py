@@ -63,6 +63,22 @@ def add_rays(columns, right, rays, grid, misses, slopes, moving):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
+def blocks_of(columns, size):
+    """Return the blocks (K, R + 1, B, B) of a band of columns (K B, (R + 1) B), see `factor_blocks`.
+
+    Args:
+        size: B.
+    """
+    rows, width = columns.shape
+    blocks = np.zeros((rows // size, width // size, size, size))
+    for i in range(rows):
+        for k in range(width - i % size):
+            at = i % size + k
+            blocks[i // size, at // size, at % size, i % size] = columns[i, k]
+    return blocks
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
 def squares_of(rays, misses):
     """Return the sum of the squares of the whitened misses (N, 2) m, in units of their variances."""
     members, shares = np.empty(MOST + 1, np.int64), np.empty(MOST + 1)
