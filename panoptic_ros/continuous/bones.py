@@ -13,7 +13,7 @@ import numpy as np
 from panoptic_ros.continuous.curves import WIDTH, CurveFit, covariances_at, normal_equations
 from panoptic_ros.continuous.problem import CurveProblem
 from panoptic_ros.domain import SkeletonModel
-from panoptic_ros.geometry.splines import SPAN, basis_at, spline
+from panoptic_ros.geometry.splines import SPAN, spline, weights_at
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.block_bands import covariances_in_band, factor_blocks, solve_blocks
 
@@ -208,10 +208,10 @@ def add_lengths(blocks, right, grid, times, pairs, gaps, learnt):
         gaps: (P, T, 3) m, of the pairs at the present curves.
         learnt: `LearntLengths`.
     """
-    basis, slope, bend = np.empty(SPAN), np.empty(SPAN), np.empty(SPAN)
+    basis = np.empty(SPAN)
     along, both = np.empty(3), np.empty((3, 3))
     for t in range(len(times)):
-        k = basis_at((times[t] - grid.origin) / grid.step, grid.number, basis, slope, bend)
+        k = weights_at((times[t] - grid.origin) / grid.step, grid.number, basis)
         for p in range(len(pairs)):
             w = learnt.weights[p]
             if w <= 0.0:

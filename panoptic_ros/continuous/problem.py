@@ -249,11 +249,11 @@ class CurveProblem:
 
     def learn(self, fit: CurveFit, at: AtRays, cauchy: float = CAUCHY) -> None:
         """Update the noise, its persistent share and the stiffness of the prior, then the weights."""
-        left = 1.0 - 0.5 * at.leverages  # share of the noise that is left in the residual
+        left = 1.0 - 0.5 * at.variances / self.sigmas**2  # share of the noise that is left in the residual
         ratios = np.sqrt(self.squares / np.maximum(left, LEAST_LEFT))
         self._noise.learn(ratios, left > LEAST_LEFT)
         self._growths = growth(self.squares, CAUCHY)
-        self.persistent = persistence(fit, self.rays, self.grid, self.misses / self.sigmas[:, None])
+        self.persistent = persistence(fit, self.rays, self.grid, self.misses, at.variances)
         self._growths = growth(self.squares, cauchy)
         self.stiffness = learn_stiffness(self.stiffness, fit.differences, fit.spreads, self.inside)
 

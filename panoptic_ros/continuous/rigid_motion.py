@@ -18,7 +18,7 @@ from panoptic_ros.continuous.bones import (
 )
 from panoptic_ros.continuous.curves import CurveFit, all_third_differences, jerk_weights
 from panoptic_ros.continuous.problem import STEP_S, CurveProblem, stiffness_sums, within_limits
-from panoptic_ros.geometry.splines import DEGREE, basis_at
+from panoptic_ros.geometry.splines import DEGREE, weights_at
 
 Array = np.ndarray
 # number of Gauss-Newton steps. Three cameras of 6.4 Hz need four or more, 8 of 12.5 Hz need two
@@ -101,10 +101,10 @@ def length_ratios() -> Array:
     The former are sums over the measurements of a length between two knots.
     """
     turns = np.exp(1j * np.pi * (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES)
-    basis, slope, bend = np.empty(DEGREE + 1), np.empty(DEGREE + 1), np.empty(DEGREE + 1)
+    basis = np.empty(DEGREE + 1)
     squares = np.zeros(FREQUENCIES)
     for place in np.arange(0.0, 1.0, INTERVAL_S / STEP_S):
-        basis_at(place, 2 * DEGREE, basis, slope, bend)
+        weights_at(place, 2 * DEGREE, basis)
         squares += np.abs(np.polyval(basis, turns)) ** 2
     ratios: Array = squares / np.abs(np.polyval(jerk_weights(STEP_S), turns)) ** 2
     return ratios

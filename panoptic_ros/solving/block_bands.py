@@ -42,9 +42,8 @@ def _inverse(matrix: Array) -> Array:
     factor, failed = lapack.dpotrf(matrix.T, lower=0)
     if failed:
         raise LinAlgError(f"the leading minor {failed} is not positive")
-    upper = np.triu(lapack.dpotri(factor, lower=0)[0])
-    own: Array = upper + upper.T
-    own[np.diag_indices(len(own))] *= 0.5
+    upper = lapack.dpotri(factor, lower=0)[0]
+    own: Array = np.where(np.tri(len(upper), dtype=bool), upper.T, upper)
     return own
 
 
