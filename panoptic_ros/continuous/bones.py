@@ -123,28 +123,33 @@ def learn_lengths(distances: PairDistances) -> LearntLengths:
 
 
 def step_with_lengths(
-    problem: CurveProblem, points: Array, pairs: Array, learnt: LearntLengths, stiffness: Array
-) -> tuple[Array, Array]:
-    """Take one Gauss-Newton step of all curves.
+    problem: CurveProblem,
+    points: Array,
+    pairs: Array,
+    learnt: LearntLengths,
+    stiffness: Array,
+    blocks: Array,
+) -> Array:
+    """Return the control points (J, K, 3) m after one Gauss-Newton step of all curves.
 
-    Rays that are whitened by previous rays couple control points farther apart than `SPAN` a little. The matrix
-    of the step has a bound of that part on its diagonal, which keeps the band narrow. The residuals are exact.
+    Whitened rays couple control points that are `SPAN` and more apart a little. The matrix of the step has a
+    bound of that part on its diagonal, which keeps the band narrow. The residuals are exact.
 
     Args:
         points: (J, K, 3) m, control points at which the lengths are linearised.
         stiffness: (J, K - ORDER) 1/m^2.
-
-    Returns: the new control points, and the factor of the matrix as in `factor_blocks`.
+        blocks: (K, SPAN, 3J, 3J), written: the factor of the matrix as in `factor_blocks`.
     """
     joints, grid = len(points), problem.grid
     times = instants(problem)
     bands, rights = normal_equations(problem.rays, grid, stiffness)
-    blocks, right = couple(bands, rights, points)
+    right = couple(bands, rights, points, blocks)
     gaps = _gaps(problem, points, pairs, times)
     add_lengths(blocks, right, grid, times, pairs, gaps, learnt)
     factor_blocks(blocks)
-    step = solve_blocks(blocks, right).reshape(grid.number, joints, 3).transpose(1, 0, 2)
-    return points + step, blocks
+    step = solve_blocks(blocks, right).reshape(grid.number, joints, 3)
+    found: Array = points + step.transpose(1, 0, 2)
+    return found
 
 
 def instants(problem: CurveProblem) -> Array:
@@ -162,20 +167,19 @@ def _gaps(problem: CurveProblem, points: Array, pairs: Array, times: Array) -> A
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def couple(bands, rights, points):
-    """Return the systems of all joints as one, ordered by knot, joint and axis, and its residuals.
+def couple(bands, rights, points, blocks):
+    """Write the systems of all joints as one, by knot, joint and axis; return rights - A points (K, 3J).
 
-    Entries between control points at least `SPAN` apart are replaced by their absolute values on the diagonal.
-    The matrix grows by that, so it stays positive definite.
+    Entries between control points `SPAN` and more apart move to the diagonal, as absolute values. The matrix
+    grows by that, so it stays positive definite.
 
     Args:
         bands, rights: see `normal_equations`.
         points: (J, K, 3) m.
-
-    Returns: blocks (K, SPAN, 3J, 3J) as in `factor_blocks`, and rights - A points (K, 3J).
+        blocks: (K, SPAN, 3J, 3J), see `factor_blocks`.
     """
     joints, size, width = bands.shape
-    blocks = np.zeros((size // 3, SPAN, 3 * joints, 3 * joints))
+    blocks[:] = 0.0
     right = np.empty((size // 3, 3 * joints))
     for j in range(joints):
         place = points[j].reshape(size)
@@ -196,7 +200,7 @@ def couple(bands, rights, points):
                     for n in (i, m):
                         blocks[n // 3, 0, 3 * j + n % 3, 3 * j + n % 3] += abs(value)
         right[:, 3 * j : 3 * j + 3] = residual.reshape(size // 3, 3)
-    return blocks, right
+    return right
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

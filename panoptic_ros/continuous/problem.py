@@ -28,7 +28,9 @@ from panoptic_ros.solving.joint_noise import SCORE_BINS, JointNoiseModel
 
 Array = np.ndarray
 STEP_S = 0.04  # s between knots
-ROUNDS = 12  # number of iterations in which weights, noise and stiffness are learnt
+ROUNDS = 9  # number of iterations in which weights, noise and stiffness are learnt
+# share of a step that the stiffness takes, because whole steps overshoot. Half steps take 12 rounds
+SHARE = 0.7
 CAUCHY, FIRST_CAUCHY = 3.0, 30.0  # scale of the robust weights, in standard deviations: final, and at first
 # m/s^2.5; a loose start, because robust weights reject the rays that a stiff curve misses
 START_JERK = 1000.0
@@ -320,13 +322,13 @@ def knots_inside(rays: TrackRays, times: Array, grid: KnotGrid) -> Array:
 def learn_stiffness(
     stiffness: Array, differences: Array, spreads: Array, inside: Array, axes: int = 3
 ) -> Array:
-    """Update the stiffness (J, K - ORDER) by half a step of MacKay's rule, averaged over time.
+    """Update the stiffness (J, K - ORDER) by a damped step of MacKay's rule, averaged over time.
 
     Args:
         differences, spreads, inside, axes: see `stiffness_sums`.
     """
     sure, squares = stiffness_sums(stiffness, differences, spreads, inside, axes)
-    return within_limits(np.sqrt(stiffness * sure / squares))
+    return within_limits(stiffness ** (1.0 - SHARE) * (sure / squares) ** SHARE)
 
 
 def stiffness_sums(

@@ -20,7 +20,7 @@ from panoptic_ros.continuous.follow import follow
 from panoptic_ros.continuous.problem import CurveProblem, TrackRays, grid_over
 from panoptic_ros.continuous.relaxation import relax
 from panoptic_ros.domain.rig_arrays import RigArrays
-from panoptic_ros.geometry.splines import spline
+from panoptic_ros.geometry.splines import SPAN, spline
 from panoptic_ros.solving.frames import camera_frames
 
 PAIRS = rigid_pairs(captures.SKELETON)
@@ -69,12 +69,19 @@ def test_lengths_bring_the_joints_to_their_distances(problem):
         changed = fit._replace(points=points)
         return np.std(pair_distances(problem, changed, PAIRS).lengths, axis=1).mean()
 
-    exact, _ = step_with_lengths(problem, fit.points, PAIRS, learnt, problem.stiffness)
+    exact, _ = step(problem, fit.points, learnt)
     assert spread(exact) < 0.6 * spread(fit.points)
     change = relax(fit.factors, fit.points, problem.grid, instants(problem), PAIRS, learnt, 60)
     np.testing.assert_allclose(fit.points + change, exact, atol=5e-5)  # the step has a bound of its matrix
     few = relax(fit.factors, fit.points, problem.grid, instants(problem), PAIRS, learnt, 10)
     assert np.abs(fit.points + few - exact).mean() < 1e-4
+
+
+def step(problem, points, learnt):
+    """Control points after one step, and the factor."""
+    count, size = problem.grid.number, 3 * len(points)
+    factor = np.empty((count, SPAN, size, size))
+    return step_with_lengths(problem, points, PAIRS, learnt, problem.stiffness, factor), factor
 
 
 def dense_step(problem, points, learnt):
@@ -109,15 +116,17 @@ def test_a_step_and_its_covariances_are_those_of_the_dense_system(problem, persi
     fit = problem.fit()
     learnt = learn_lengths(pair_distances(problem, fit, PAIRS))
     problem.persistent = persistent
-    step, covariance = dense_step(problem, fit.points, learnt)
-    points, factor = step_with_lengths(problem, fit.points, PAIRS, learnt, problem.stiffness)
+    expected, covariance = dense_step(problem, fit.points, learnt)
+    points, factor = step(problem, fit.points, learnt)
     change = (points - fit.points).transpose(1, 0, 2)
-    assert np.abs(change - step).max() < near * np.abs(step).max()
+    assert np.abs(change - expected).max() < near * np.abs(expected).max()
     inverses = block_inverses(factor)
     for j in range(len(points)):
         own = covariance[:, j, :, :, j].reshape(3 * problem.grid.number, -1)
         np.testing.assert_allclose(inverses[j, :, 0], np.diag(own), rtol=near)
-        lag = 7  # between the first axis of a control point, and the second one of a control point 3 knots away
+        lag = (
+            7  # between the first axis of a control point, and the second one of a control point 3 knots away
+        )
         near_zero = near * np.abs(np.diag(own)).max()
         np.testing.assert_allclose(inverses[j, lag:, lag], np.diag(own, -lag), atol=near_zero)
     problem.persistent = 0.0
@@ -129,6 +138,6 @@ def test_steps_reach_the_same_curves_as_dense_steps_if_noise_persists(problem):
     problem.persistent = 0.4
     points = fit.points
     for _ in range(20):
-        points, _ = step_with_lengths(problem, points, PAIRS, learnt, problem.stiffness)
+        points, _ = step(problem, points, learnt)
     assert np.abs(dense_step(problem, points, learnt)[0]).max() < 1e-9
     problem.persistent = 0.0

@@ -14,7 +14,7 @@ from numpy.polynomial.legendre import leggauss
 
 from panoptic_ros.continuous.curves import ORDER, REACH, jerk_weights
 from panoptic_ros.continuous.elhayek.skeleton import HingeSkeleton
-from panoptic_ros.continuous.problem import ROUNDS, CurveProblem, learn_stiffness
+from panoptic_ros.continuous.problem import CurveProblem, learn_stiffness
 from panoptic_ros.continuous.subjects.system import add_rays, blocks_of, squares_of
 from panoptic_ros.geometry.splines import DEGREE, SPAN, spline
 from panoptic_ros.solving.block_bands import covariances_in_band, factor_blocks, solve_blocks
@@ -23,6 +23,7 @@ Array = np.ndarray
 # m/s^2.5 and rad/s^2.5: less loose than that of joints, because the rays have weights already. From 100, top
 # speed has 10 % more error after 12 rounds; from 1000, the stiffness takes 16 rounds to settle
 START_JERK = 300.0
+ROUNDS = 12  # number of iterations in which the stiffness is learnt
 HALVINGS = 5  # maximum number of halvings of a step that does not reduce the energy
 LIMIT_SD = 0.1  # rad, standard deviation of the limits
 LIMIT_S = 0.1  # s, time over which an excess counts as one measurement
