@@ -249,7 +249,7 @@ def block_inverses(factor: Array) -> Array:
     Args:
         factor: (K, SPAN, 3J, 3J), see `factor_blocks`.
     """
-    count, reach, block, _ = factor.shape
+    count, _, block, _ = factor.shape
     inverses = np.zeros((block // 3, 3 * count, WIDTH))
     for k, here, cross, _ in covariances_in_band(factor):
         collect(here, cross, k, inverses)
