@@ -80,11 +80,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="subject.json: fit curves of joint angles to this person, whose bones keep their lengths; with "
         "--preset: its skeleton; default: no body model",
     )
-    parser.add_argument(
+    fitted = parser.add_mutually_exclusive_group()
+    fitted.add_argument(
         "--images",
         type=Path,
         metavar="FOLDER",
         help="with --preset: capture folder whose images are fitted, as in the paper, instead of 2D joints",
+    )
+    fitted.add_argument(
+        "--score-maps",
+        action="store_true",
+        help="with --preset: fit the score maps of a bag, or of a detector on images, instead of 2D joints",
     )
     parser.add_argument("--skeleton", default="auto", help="skeleton model; auto: that of the file's joints")
     parser.add_argument(
@@ -131,6 +137,7 @@ def run(args: argparse.Namespace) -> int:
             args.skeleton,
             capture=args.capture,
             bags=args.bag,
+            maps=args.score_maps,
             progress=bar.show,
         )
     known = None
@@ -148,7 +155,7 @@ def run(args: argparse.Namespace) -> int:
         return 0
     with PassBar("continuous") as bar:
         if args.preset:
-            motion = solve_preset(task, args.subject, args.images, bar.show)
+            motion = solve_preset(task, args.subject, args.images, args.score_maps, bar.show)
         else:
             motion = solve_continuous(task, bar.show, args.subject)
     motion = motion if known is None else whole_clocks(motion, known)

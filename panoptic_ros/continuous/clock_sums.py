@@ -22,7 +22,8 @@ def clock_sums(fit, rays, grid, misses, cameras, factors, count):
 
     Unknown p of camera c has the index p * C + c. Four arrays result. They are the information (U, U), its
     part from noise of velocities, the scores (S, U) of S segments, and the coupling (J, 3K, U) to control
-    points. A segment is a joint in a window of time. The sum of the scores is the right-hand side.
+    points. A segment is a window of time. The sum of the scores is the right-hand side. A segment contains
+    all joints, because real detectors move the joints of a person together.
 
     The scores contain the derivative of the curves' own evidence, -1/2 log |H|. Without it, noise
     in the velocities would bias the clocks.
@@ -37,7 +38,7 @@ def clock_sums(fit, rays, grid, misses, cameras, factors, count):
     size = TERMS * count
     information = np.zeros((size, size))
     parts = int(grid.number * grid.step / SEGMENT_S) + 2
-    scores = np.zeros((len(rays.starts) - 1, parts, size))
+    scores = np.zeros((parts, size))
     blur = np.zeros((size, size))
     basis, slope, bend = np.empty(SPAN), np.empty(SPAN), np.empty(SPAN)
     members, shares = np.empty(MOST + 1, np.int64), np.empty(MOST + 1)
@@ -91,9 +92,9 @@ def clock_sums(fit, rays, grid, misses, cameras, factors, count):
                         information[p * count + c, q * count + c] += value * change[1 + q, e]
                     for a in range(width):
                         cross[3 * low + a, p * count + c] += value * rows[0, e, a]
-                scores[j, int(place), p * count + c] -= (1.0 - later) * score
-                scores[j, int(place) + 1, p * count + c] -= later * score
-    return information, blur, scores.reshape(-1, size), coupling
+                scores[int(place), p * count + c] -= (1.0 - later) * score
+                scores[int(place) + 1, p * count + c] -= later * score
+    return information, blur, scores, coupling
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -62,6 +62,9 @@ class ContinuousMotion:
     def at_rate(self, rate: float) -> Array:
         """Return the instants (T,) ns k / rate after the first view, up to the last view.
 
+        Instants before time 0 are left out, because no timestamp states them. Correction of the first
+        timestamps can cause them.
+
         Raises:
             UsageError: if there are more than `MOST_INSTANTS`.
         """
@@ -73,7 +76,7 @@ class ContinuousMotion:
                 f"{MOST_INSTANTS}; give a lower rate"
             )
         instants: Array = self.first_ns + np.round(np.arange(count) * (1e9 / rate)).astype(np.int64)
-        return instants
+        return instants[instants >= 0]
 
     def sets(self, stamps_ns: Sequence[int] | Array) -> Iterator[RefinedPoseSet]:
         """Yield the people at increasing instants (T,) ns."""

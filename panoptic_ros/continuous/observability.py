@@ -56,7 +56,8 @@ def robust_covariance(information: Array, scatter: Array, weights: Array, unknow
 
     The scatter of the scores of independent segments is their true information if the noise is as assumed.
     Where the scatter is larger, the covariance is that of Godambe (1960), H^-1 J H^-1. So it is for people
-    who sit: their motion is hardly larger than the noise, whose persistence is only known roughly.
+    who sit: their motion is hardly larger than the noise, whose persistence is only known roughly. So it is
+    for real detectors, whose errors joints share.
 
     Args:
         scatter: (U, U) sum of the products of the scores of segments, J.

@@ -64,12 +64,14 @@ def read_continuous_task(
     *,
     capture: Path | None = None,
     bags: Sequence[Path] = (),
+    maps: bool = False,
     progress: Progress = untold,
 ) -> ContinuousTask:
     """Read the input of the pass: a file of 2D people, a capture folder, or bags.
 
     Args:
         rig: calibration, or its file; None = that of the capture or bag.
+        maps: keep the score maps of the views.
         options: values of `ContinuousConfig`; None = usual number of `capture_views`.
         capture: folder with 2D people or images, or results of `panoptic run`. Images go through detection.
 
@@ -77,7 +79,7 @@ def read_continuous_task(
         UserError: on any input fault that the user can fix.
     """
     config = ContinuousConfig(*options[:3], options[3] or CAPTURE_VIEWS)
-    task = _read_task(rig, detections, config, skeleton, capture, bags, progress)
+    task = _read_task(rig, detections, config, skeleton, capture, bags, maps, progress)
     _check_unit(views_in_order(task.recording.records("detection_sets")))
     return task
 
@@ -89,6 +91,7 @@ def _read_task(
     skeleton: str,
     capture: Path | None,
     bags: Sequence[Path],
+    maps: bool,
     progress: Progress,
 ) -> ContinuousTask:
     sources = {"--detections": detections, "a capture folder": capture, "--bag": bags}
@@ -112,7 +115,7 @@ def _read_task(
     from panoptic_ros.running.runs.recorded_views import plan_recording, recorded_views
 
     plan = plan_recording(capture, bags, rig, "" if skeleton == AUTO else skeleton)
-    sets, told = recorded_views(plan, progress)
+    sets, told = recorded_views(plan, progress, maps)
     context = StageContext(plan.rig, plan.skeleton)
     recording = InMemoryRecording({"detection_sets": sets})
     usual = noise_only(plan.skeleton.bias_floors)  # a line that concerns every recording

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from panoptic_ros.capture.folder import open_capture_folder
-from panoptic_ros.continuous.elhayek.passes import ElhayekPass
+from panoptic_ros.continuous.elhayek.passes import ElhayekPass, Fitted
 from panoptic_ros.continuous.motion_result import ContinuousMotion
 from panoptic_ros.domain import ViewFrame
-from panoptic_ros.errors import UsageError
+from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.io.kinematic_files import read_subject
 from panoptic_ros.running.continuous import ContinuousTask, with_segments
+from panoptic_ros.running.grouping import views_in_order
 from panoptic_ros.stage import Progress, Recording
 
 PRESET = "elhayek-2012"
@@ -44,29 +45,50 @@ def check_preset(options: Mapping[str, Any]) -> None:
     Raises:
         UsageError: naming the option.
     """
-    if options["images"] and not options["preset"]:
-        raise UsageError(f"--images needs --preset {PRESET}: the curves of joints use 2D people alone")
+    for name in ("images", "score_maps"):
+        if options[name] and not options["preset"]:
+            told = f"--{name.replace('_', '-')} needs --preset {PRESET}"
+            raise UsageError(f"{told}: the curves of joints use 2D people alone")
     if options["images"] and options["offsets"]:
         raise UsageError("--images does not go with --offsets, which corrects the timestamps of 2D people")
 
 
 def solve_preset(
-    task: ContinuousTask, subject: Path | None, images: Path | None, progress: Progress
+    task: ContinuousTask, subject: Path | None, images: Path | None, score_maps: bool, progress: Progress
 ) -> ContinuousMotion:
     """Return the motion of all people by the method of Elhayek et al. 2012.
 
     Args:
         subject: file with the skeleton of a person.
-        images: capture folder whose images are fitted instead of the 2D joints.
+        images: capture folder whose images are fitted.
+        score_maps: fit the score maps of the views.
 
     Raises:
-        UserError: if the rig, the recording, the subject or the images cannot be used.
+        UserError: if the rig, the recording, the subject, the images or the score maps cannot be used.
     """
     context = with_segments(task.context)
     known = None if subject is None else read_subject(subject, context.extras["segments"])
-    work = ElhayekPass(task.config, context, known, images is not None)
+    fitted: Fitted = "joints" if images is None else "images"
+    if score_maps:
+        _check_maps(task)
+        fitted = "maps"
+    work = ElhayekPass(task.config, context, known, fitted)
     if images is None:
         return work.run(task.recording, progress)
     with open_capture_folder(images, rig=task.context.rig) as folder:
         frames = partial(chain.from_iterable, folder.sources)
         return work.run(RecordingWithImages(task.recording, frames), progress)
+
+
+def _check_maps(task: ContinuousTask) -> None:
+    """Check that some view has score maps.
+
+    Raises:
+        DataError: if there is none.
+    """
+    views = views_in_order(task.recording.records("detection_sets"))
+    if views and all(view.maps is None for view in views):
+        raise DataError(
+            f"none of the {len(views)} views has score maps, which --score-maps needs; give a bag or images "
+            "of a detector that has them, or leave the option out"
+        )

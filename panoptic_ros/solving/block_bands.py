@@ -16,9 +16,9 @@ Array = np.ndarray
 
 
 def factor_blocks(blocks: Array) -> None:
-    """Replace blocks (K, R + 1, B, B) by their factor, A = L D L^T with L of unit diagonal blocks.
+    """Replace blocks (K, R + 1, B, B) by their factor, A = L D L^T.
 
-    blocks[k, 0] becomes the inverse of D[k], and blocks[k, p] becomes L[k + p, k].
+    The diagonal blocks of L are 1. blocks[k, 0] becomes the inverse of D[k]; blocks[k, p], L[k + p, k].
 
     Raises:
         LinAlgError: if A is not positive definite.
@@ -66,8 +66,8 @@ def covariances_in_band(factor: Array) -> Iterator[tuple[int, Array, Array, Arra
 
     Block m has the slot m % R among later blocks, so that nothing moves from one step to the next.
 
-    Yields: index k of a block, its covariance (B, B), the covariance (R, B, B) of later blocks with it, and
-        that of later blocks (R, B, R, B), both by slot. They are 0 beyond the last block.
+    Yields: index k of a block, and its covariance (B, B). Then the covariance (R, B, B) of later blocks with
+        it, and that of later blocks (R, B, R, B), both by slot. They are 0 beyond the last block.
     """
     count, width, size, _ = factor.shape
     reach = width - 1

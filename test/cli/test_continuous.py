@@ -27,6 +27,7 @@ from panoptic_ros.io.kinematic_files import subject_document
 from panoptic_ros.io.messages import bag_messages, to_message
 from panoptic_ros.io.plain_formats import read_skeletons, write_detections
 from panoptic_ros.io.rigs import write_rig
+from panoptic_ros.simulation.drawn_maps import MapDrawing, with_drawn_maps
 
 SECONDS = 2.5
 
@@ -41,6 +42,17 @@ def write(folder: Path, rig: Rig, sets: list[DetectionSet], names=captures.SKELE
     write_rig(folder / "rig.json", rig)
     write_detections(folder / "detections.json.gz", names, sets)
     return folder
+
+
+def write_bag(path: Path, rig: Rig, sets: list[DetectionSet]) -> Path:
+    with BagWriter(path) as bag:
+        for topic, record in (("/rig", rig), ("/skeleton_model", captures.SKELETON)):
+            bag.write(topic, START_NS, to_message(record, bag_messages(), rig.frame_id))
+        for item in sets:
+            (view,) = item.views
+            message = to_message(view, bag_messages(), rig.frame_id)
+            bag.write(f"/{view.camera}/detections", view.stamp_ns, message)
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -59,13 +71,7 @@ def only(sets: list[DetectionSet], *cameras: str) -> list[DetectionSet]:
 def test_folder_file_and_bag_give_the_same_bytes(
     capture: FreeCapture, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with BagWriter(tmp_path / "bag") as bag:
-        for topic, record in (("/rig", capture.rig), ("/skeleton_model", captures.SKELETON)):
-            bag.write(topic, START_NS, to_message(record, bag_messages(), capture.rig.frame_id))
-        for item in capture.sets:
-            (view,) = item.views
-            message = to_message(view, bag_messages(), capture.rig.frame_id)
-            bag.write(f"/{view.camera}/detections", view.stamp_ns, message)
+    write_bag(tmp_path / "bag", capture.rig, capture.sets)
     files = ("--rig", folder, "--detections", folder / "detections.json.gz")
     found = []
     for source in (files, (folder,), ("--bag", tmp_path / "bag"), (tmp_path / "bag",), (tmp_path,)):
@@ -112,6 +118,15 @@ def test_folder_file_and_bag_give_the_same_bytes(
             ["FOLDER", "--preset", "elhayek-2012", "--images", "FOLDER", "--offsets", "FOLDER/rig.json"],
             "--images does not go with --offsets",
         ),
+        (["FOLDER", "--score-maps"], "--score-maps needs --preset elhayek-2012"),
+        (
+            ["FOLDER", "--preset", "elhayek-2012", "--images", "FOLDER", "--score-maps"],
+            "argument --score-maps: not allowed with argument --images",
+        ),
+        (
+            ["FOLDER", "--preset", "elhayek-2012", "--score-maps"],
+            "none of the 100 views has score maps, which --score-maps needs; give a bag or images",
+        ),
         (["FOLDER", "--preset", "elhayek-2012", "--lag", "0.1"], "--lag does not go with --preset"),
     ],
 )
@@ -139,15 +154,30 @@ def test_the_preset_follows_people_by_2d_joints_and_by_images_alone(tmp_path: Pa
     words, errors = (tmp_path / "c", "--preset", "elhayek-2012"), []
     for more in ((), ("--images", tmp_path / "c")):
         assert run(tmp_path, *words, *more, "--rate", 50) == 0
-        found = read_skeletons(tmp_path / "s.json.gz").frames
-        gaps = [
-            one.positions[0] - capture.joints(1e-9 * (one.stamp_ns - START_NS))[0]
-            for one in found[15:-15]
-            if len(one.ids)
-        ]
-        assert len(gaps) == len(found) - 30
-        errors.append(np.linalg.norm(gaps, axis=-1).mean())
+        errors.append(mean_error(tmp_path / "s.json.gz", capture))
     assert errors[0] < 0.006 and errors[1] < 0.03
+
+
+def test_the_preset_follows_people_by_the_score_maps_of_a_bag(tmp_path: Path) -> None:
+    capture = HingedCapture(cameras=5, seconds=1.3, there=lambda person, time: person == 0)
+    drawn = [with_drawn_maps(item, MapDrawing()) for item in capture.sets]
+    words, errors = (write_bag(tmp_path / "b", capture.rig, drawn), "--preset", "elhayek-2012"), []
+    for more in ((), ("--score-maps",)):
+        assert run(tmp_path, *words, *more, "--rate", 50) == 0
+        errors.append(mean_error(tmp_path / "s.json.gz", capture))
+    assert max(errors) < 0.008 and errors[0] != errors[1]
+
+
+def mean_error(path: Path, capture: HingedCapture) -> float:
+    """Mean error (m) of the first person at the instants of a file, but the first and last 15."""
+    found = read_skeletons(path).frames
+    gaps = [
+        one.positions[0] - capture.joints(1e-9 * (one.stamp_ns - START_NS))[0]
+        for one in found[15:-15]
+        if len(one.ids)
+    ]
+    assert len(gaps) == len(found) - 30
+    return float(np.linalg.norm(gaps, axis=-1).mean())
 
 
 def test_a_subject_keeps_its_bones_and_everybody_else_stays(

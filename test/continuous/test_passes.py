@@ -181,3 +181,22 @@ def test_people_where_only_two_cameras_look_are_left_out_unless_asked_for():
     assert sorted(person.id for person in found.people) == [0, 1]
     errors = capture.errors(inside, TIMES[TIMES < 1.7])
     assert np.isfinite(errors[0]).all() and np.isnan(errors[1]).all()
+
+
+def test_errors_that_all_joints_of_a_view_share_are_in_the_errors_of_clocks():
+    squares = []
+    for seed in (0, 1):
+        own = np.random.default_rng(seed)
+
+        def shift(pixels, rng, camera, own=own):
+            pixels += 3.0 * own.standard_normal((2, 1, 2))
+
+        times = solved(FreeCapture(seconds=10.0, spoil=shift), clocks=True).clocks
+        squares.append((times.values[0] / times.deviations[0]) ** 2)
+    assert np.mean(squares) < 4.0  # joints counted as independent give 18
+
+
+def test_instants_begin_at_time_zero_where_clocks_move_views_before_it():
+    found = solved(FreeCapture(seconds=2.0))
+    early = replace(found, first_ns=-130_000_000, last_ns=2_000_000_000)
+    np.testing.assert_array_equal(early.at_rate(10.0)[:3], [70_000_000, 170_000_000, 270_000_000])

@@ -23,13 +23,14 @@ from panoptic_ros.sync.config import SyncConfig
 class _Views:
     """Receiver of detections and clock models; it keeps the views with timestamps on the master time line."""
 
-    def __init__(self, plan: Plan, progress: Progress):
+    def __init__(self, plan: Plan, progress: Progress, maps: bool):
         self.views: list[ViewDetections] = []
         self.notices: list[Notice] = []
         clocks = {camera.name: camera.clock for camera in plan.rig.cameras}
         sync = config_of(plan.configs, SyncConfig)
         self._correction = StampCorrection(clocks, sync.clocks, sync.delays_ms, sync.queue_limit)
         self._progress, self._total, self._count = progress, plan.frame_count or 0, 0
+        self._maps = maps
 
     def take(self, key: str, record: Any) -> None:
         """Receive a record of the topic with that key."""
@@ -38,7 +39,8 @@ class _Views:
         elif key == "detections":
             self._count += 1
             self._progress(min(1.0, self._count / max(self._total, self._count)), "reading views")
-            self._keep(*self._correction.view(replace(record, maps=None, limit=None)))
+            maps = record.maps if self._maps else None
+            self._keep(*self._correction.view(replace(record, maps=maps, limit=None)))
 
     def end(self, cameras: Iterable[str]) -> None:
         """Drop the views that still wait for a clock, with a notice."""
@@ -97,16 +99,21 @@ def recorded_sets(bag: Path, rig: Rig) -> tuple[list[DetectionSet], SkeletonMode
     return found.sets, plan.skeleton
 
 
-def recorded_views(plan: Plan, progress: Progress) -> tuple[list[DetectionSet], list[str]]:
+def recorded_views(
+    plan: Plan, progress: Progress, maps: bool = False
+) -> tuple[list[DetectionSet], list[str]]:
     """Return the views of a plan on a recording as sets of one view each, and lines about faults.
 
     Images go through detection. The views of a camera keep their order.
+
+    Args:
+        maps: keep score maps, which take much memory.
 
     Raises:
         UserError: if the recording cannot be read.
         KeyboardInterrupt: if a request to end has arrived.
     """
-    views = _Views(plan, progress)
+    views = _Views(plan, progress, maps)
     counted = run_in_process(replace(plan, views_only=True), views, interrupted)
     if interrupted():
         raise KeyboardInterrupt

@@ -38,14 +38,15 @@ CONFIGS = {  # unknowns of the continuous pass; other cases have none
 }
 # seconds of a case and seed, measured
 COSTS = {
-    "faster": 25.0,
+    "faster": 35.0,
+    "crossing": 40.0,
     "free": 8.0,
     "clocks": 13.0,
     "shutter": 16.0,
     "both": 25.0,
     "still": 20.0,
     "visitors": 40.0,
-    "rendered": 60.0,
+    "rendered": 65.0,
 }
 SPEED_KEYS = tuple(f"speed_{low:g}_{high:g}_m" for low, high in pairwise(SPEEDS))
 
@@ -173,6 +174,8 @@ class Continuous(Study):
             "`lag`: the stage `continuous` at 50 Hz, each instant from the views up to the lag later.\n"
             "`elhayek`: `panoptic continuous --preset elhayek-2012`, polynomials of degree "
             f"{DEGREE} of joint angles.\n"
+            "`maps`: with --score-maps, degree "
+            f"{DEGREE}: maps drawn from the same 2D joints, a Gaussian of 1.3 cells each.\n"
             f"`images`: with --images, degree {IMAGE_DEGREE}: blobs of images instead of 2D joints.\n"
             "`subject`: `panoptic continuous --subject`, curves of joint angles of the first person, bones "
             "fitted.\n"

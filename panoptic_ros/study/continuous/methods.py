@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from panoptic_ros.continuous.config import ContinuousConfig
-from panoptic_ros.continuous.elhayek.passes import ElhayekPass
+from panoptic_ros.continuous.elhayek.passes import ElhayekPass, Fitted
 from panoptic_ros.continuous.motion_result import ContinuousMotion
 from panoptic_ros.continuous.passes import ContinuousPass
 from panoptic_ros.continuous.subjects.passes import SubjectPass
@@ -26,6 +26,7 @@ from panoptic_ros.running.continuous import ContinuousTask, with_segments
 from panoptic_ros.running.continuous_online import solve_online
 from panoptic_ros.running.continuous_preset import RecordingWithImages
 from panoptic_ros.simulation.detector import Sightings
+from panoptic_ros.simulation.drawn_maps import MapDrawing, with_drawn_maps
 from panoptic_ros.simulation.free_running import START_NS, FreeRunningCapture, TimedView, owners_of
 from panoptic_ros.simulation.rendering.renderer import Studio
 from panoptic_ros.simulation.skeleton import JOINTS, SKELETON
@@ -143,10 +144,10 @@ def continuous(case: CaptureUnderTest) -> MotionResult:
     return _whole(case, ContinuousPass(case.config, StageContext(case.capture.rig, SKELETON)))
 
 
-def elhayek(case: CaptureUnderTest, images: bool = False) -> MotionResult:
+def elhayek(case: CaptureUnderTest, fitted: Fitted = "joints") -> MotionResult:
     """Fit polynomials of joint angles, as `panoptic continuous --preset elhayek-2012` does."""
     context = with_segments(StageContext(case.capture.rig, SKELETON))
-    return _whole(case, ElhayekPass(case.config, context, images=images))
+    return _whole(case, ElhayekPass(case.config, context, fitted=fitted), fitted == "maps")
 
 
 def subject(case: CaptureUnderTest) -> MotionResult:
@@ -184,11 +185,16 @@ METHODS: dict[str, Callable[[CaptureUnderTest], MotionResult]] = {
 }
 
 
+_PRESET: dict[str, Callable[[CaptureUnderTest], MotionResult]] = {
+    "elhayek": elhayek,
+    "maps": partial(elhayek, fitted="maps"),
+}
 OF_CASE = {  # methods by case; the others have `METHODS`
-    "faster": METHODS | {"elhayek": elhayek, "subject": subject},
+    "faster": METHODS | _PRESET | {"subject": subject},
     "staggered": METHODS | {"subject": subject},
+    "crossing": METHODS | _PRESET,
     "free": METHODS | {"subject": subject},
-    "rendered": METHODS | {"elhayek": elhayek, "images": partial(elhayek, images=True)},
+    "rendered": METHODS | _PRESET | {"images": partial(elhayek, fitted="images")},
 }
 
 
@@ -229,10 +235,17 @@ def rendered_frames(capture: FreeRunningCapture) -> Iterator[ViewFrame]:
             yield ViewFrame(camera.name, one.view.stamp_ns, k, picture.image)
 
 
-def _whole(case: CaptureUnderTest, work: Pass[ContinuousMotion]) -> MotionResult:
-    """Return the people that a pass over the whole capture gives at the instants of a case."""
+def _whole(case: CaptureUnderTest, work: Pass[ContinuousMotion], maps: bool = False) -> MotionResult:
+    """Return the people that a pass over the whole capture gives at the instants of a case.
+
+    Args:
+        maps: add score maps that are drawn from the 2D people.
+    """
     capture = case.capture
-    sets = InMemoryRecording({"detection_sets": list(capture.sets())})
+    views = list(capture.sets())
+    if maps:
+        views = [with_drawn_maps(item, MapDrawing()) for item in views]
+    sets = InMemoryRecording({"detection_sets": views})
     recording = RecordingWithImages(sets, partial(rendered_frames, capture))
     begin = time.process_time()
     motion = work.run(recording, untold)

@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 from hinged_people import MODEL, SKELETONS, HingedCapture, freedoms, painted
 
+from panoptic_ros.continuous.elhayek.blob_similarity import BlobPairs, PlaneBlobs, similarity
 from panoptic_ros.continuous.elhayek.body_blobs import TimedBlobs, body_blobs, coloured
 from panoptic_ros.continuous.elhayek.energy import SegmentEnergy, minimise
-from panoptic_ros.continuous.elhayek.image_term import BlobPairs, ImageTerm, similarity
+from panoptic_ros.continuous.elhayek.image_term import ImageTerm
 from panoptic_ros.continuous.elhayek.polynomials import basis
-from panoptic_ros.continuous.elhayek.quad_tree import ImageBlobs, image_blobs
+from panoptic_ros.continuous.elhayek.quad_tree import image_blobs
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.io.body_models import read_body_shape
 
@@ -18,7 +19,7 @@ SKELETON = SKELETONS[0]
 
 def some_blobs(seed=3):
     rng = np.random.default_rng(seed)
-    image = ImageBlobs(rng.normal(0.0, 1.0, (6, 2)), rng.uniform(0.3, 0.6, 6), np.zeros((6, 3)))
+    image = PlaneBlobs(rng.normal(0.0, 1.0, (6, 2)), rng.uniform(0.3, 0.6, 6))
     means, sigmas = rng.normal(0.0, 1.0, (3, 2)), rng.uniform(0.3, 0.6, 3)
     pairs = BlobPairs(np.repeat(np.arange(6), 3), np.tile(np.arange(3), 6), rng.uniform(0.2, 1.0, 18))
     return image, rng.uniform(0.5, 1.0, 6), means, sigmas, pairs
