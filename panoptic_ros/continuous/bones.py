@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from panoptic_ros.continuous.block_bands import covariances_in_band, factor_blocks, solve_blocks
 from panoptic_ros.continuous.curves import WIDTH, CurveFit, covariances_at, normal_equations
 from panoptic_ros.continuous.problem import CurveProblem
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.geometry.splines import SPAN, spline, weights_at
 from panoptic_ros.kernels import njit
-from panoptic_ros.solving.block_bands import covariances_in_band, factor_blocks, solve_blocks
 
 Array = np.ndarray
 INTERVAL_S = 0.02  # s between two measurements of a length

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
+from panoptic_ros.continuous.block_bands import covariances_in_band, factor_blocks, solve_blocks
 from panoptic_ros.continuous.curves import ORDER, REACH, jerk_weights
 from panoptic_ros.continuous.elhayek.skeleton import HingeSkeleton
 from panoptic_ros.continuous.problem import CurveProblem, learn_stiffness
 from panoptic_ros.continuous.subjects.system import add_rays, blocks_of, squares_of
 from panoptic_ros.geometry.splines import DEGREE, SPAN, spline
-from panoptic_ros.solving.block_bands import covariances_in_band, factor_blocks, solve_blocks
 
 Array = np.ndarray
 # m/s^2.5 and rad/s^2.5: less loose than that of joints, because the rays have weights already. From 100, top

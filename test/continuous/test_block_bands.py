@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import LinAlgError
 
-from panoptic_ros.solving.block_bands import covariances_in_band, factor_blocks, solve_blocks
+from panoptic_ros.continuous.block_bands import covariances_in_band, factor_blocks, solve_blocks
 
 COUNT, SIZE = 9, 4
 
