@@ -23,7 +23,7 @@ from panoptic_ros.geometry.splines import DEGREE, SPAN, weights_at
 Array = np.ndarray
 # number of Gauss-Newton steps. Three cameras of 6.4 Hz need four or more, 8 of 12.5 Hz need two
 LEAST_STEPS, MOST_STEPS = 2, 5
-SETTLED = 0.27  # mean change of the logarithm of the stiffness up to which there is no further step
+SETTLED = 0.2  # mean change of the logarithm of the stiffness up to which there is no further step
 POSES = 9  # number of poses over which the free share of the motion of each joint is averaged
 FREQUENCIES = 32  # number of frequencies up to half the rate of the knots over which it is averaged
 
