@@ -6,16 +6,15 @@ of instants, linearised at the present curves (Gauss-Newton).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_solve_banded, cholesky_banded
 
-from panoptic_ros.continuous.curves import REACH, WIDTH, CurveFit, covariances_at, normal_equations
+from panoptic_ros.continuous.block_bands import covariances_in_band, factor_blocks, solve_blocks
+from panoptic_ros.continuous.curves import WIDTH, CurveFit, covariances_at, normal_equations
 from panoptic_ros.continuous.problem import CurveProblem
 from panoptic_ros.domain import SkeletonModel
-from panoptic_ros.geometry.splines import SPAN, basis_at, spline
+from panoptic_ros.geometry.splines import SPAN, spline, weights_at
 from panoptic_ros.kernels import njit
 
 Array = np.ndarray
@@ -124,28 +123,33 @@ def learn_lengths(distances: PairDistances) -> LearntLengths:
 
 
 def step_with_lengths(
-    problem: CurveProblem, points: Array, pairs: Array, learnt: LearntLengths, stiffness: Array
-) -> tuple[Array, Array]:
-    """Take one Gauss-Newton step of all curves.
+    problem: CurveProblem,
+    points: Array,
+    pairs: Array,
+    learnt: LearntLengths,
+    stiffness: Array,
+    blocks: Array,
+) -> Array:
+    """Return the control points (J, K, 3) m after one Gauss-Newton step of all curves.
+
+    Whitened rays couple control points that are `SPAN` and more apart a little. The matrix of the step has a
+    bound of that part on its diagonal, which keeps the band narrow. The residuals are exact.
 
     Args:
         points: (J, K, 3) m, control points at which the lengths are linearised.
         stiffness: (J, K - ORDER) 1/m^2.
-
-    Returns: the new control points, and the Cholesky factor as in `couple`.
+        blocks: (K, SPAN, 3J, 3J), written: the factor of the matrix as in `factor_blocks`.
     """
     joints, grid = len(points), problem.grid
     times = instants(problem)
-    reach = REACH if problem.persistent > 0.0 else SPAN
     bands, rights = normal_equations(problem.rays, grid, stiffness)
-    columns, right = couple(bands, rights, reach)
+    right = couple(bands, rights, points, blocks)
     gaps = _gaps(problem, points, pairs, times)
-    along = gaps / np.maximum(np.linalg.norm(gaps, axis=-1), SHORTEST)[..., None]
-    add_lengths(columns, right, grid, times, pairs, along, learnt)
-    lower = cholesky_banded(columns.T, overwrite_ab=True, lower=True, check_finite=False)
-    solution = cho_solve_banded((lower, True), right, check_finite=False)
-    found = np.ascontiguousarray(solution.reshape(grid.number, joints, 3).transpose(1, 0, 2))
-    return found, lower.T
+    add_lengths(blocks, right, grid, times, pairs, gaps, learnt)
+    factor_blocks(blocks)
+    step = solve_blocks(blocks, right).reshape(grid.number, joints, 3)
+    found: Array = points + step.transpose(1, 0, 2)
+    return found
 
 
 def instants(problem: CurveProblem) -> Array:
@@ -163,125 +167,108 @@ def _gaps(problem: CurveProblem, points: Array, pairs: Array, times: Array) -> A
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def couple(bands, rights, reach):
-    """Return the systems of all joints as one, ordered by knot, joint and axis.
+def couple(bands, rights, points, blocks):
+    """Write the systems of all joints as one, by knot, joint and axis; return rights - A points (K, 3J).
+
+    Entries between control points `SPAN` and more apart move to the diagonal, as absolute values. The matrix
+    grows by that, so it stays positive definite.
 
     Args:
         bands, rights: see `normal_equations`.
-        reach: half bandwidth of a joint's system, in control points.
-
-    Returns: the lower band by columns, columns[i, k] = A[i + k, i], and the right-hand side.
+        points: (J, K, 3) m.
+        blocks: (K, SPAN, 3J, 3J), see `factor_blocks`.
     """
     joints, size, width = bands.shape
-    block = 3 * joints
-    columns = np.zeros((size * joints, reach * block))
-    right = np.zeros(size * joints)
+    blocks[:] = 0.0
+    right = np.empty((size // 3, 3 * joints))
     for j in range(joints):
+        place = points[j].reshape(size)
+        residual = rights[j].copy()
         for i in range(size):
-            row = (i // 3) * block + 3 * j + i % 3
-            right[row] = rights[j, i]
-            for k in range(min(3 * reach, width, i + 1)):
-                column = ((i - k) // 3) * block + 3 * j + (i - k) % 3
-                if row - column < reach * block:
-                    columns[column, row - column] = bands[j, i, k]
-    return columns, right
+            residual[i] -= bands[j, i, 0] * place[i]
+            blocks[i // 3, 0, 3 * j + i % 3, 3 * j + i % 3] += bands[j, i, 0]
+            for k in range(1, min(width, i + 1)):
+                value, m = bands[j, i, k], i - k
+                if value == 0.0:
+                    continue
+                residual[i] -= value * place[m]
+                residual[m] -= value * place[i]
+                apart = i // 3 - m // 3
+                if apart < SPAN:
+                    blocks[m // 3, apart, 3 * j + i % 3, 3 * j + m % 3] = value
+                else:
+                    for n in (i, m):
+                        blocks[n // 3, 0, 3 * j + n % 3, 3 * j + n % 3] += abs(value)
+        right[:, 3 * j : 3 * j + 3] = residual.reshape(size // 3, 3)
+    return right
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def add_lengths(columns, right, grid, times, pairs, along, learnt):
+def add_lengths(blocks, right, grid, times, pairs, gaps, learnt):
     """Add measurements of the lengths of P pairs at T instants.
 
     Args:
-        along: (P, T, 3) directions of the pairs.
+        blocks, right: see `couple`.
+        gaps: (P, T, 3) m, of the pairs at the present curves.
         learnt: `LearntLengths`.
     """
-    block = len(right) // grid.number
-    basis, slope, bend = np.empty(SPAN), np.empty(SPAN), np.empty(SPAN)
-    index, value = np.empty(6 * SPAN, np.int64), np.empty(6 * SPAN)
+    basis = np.empty(SPAN)
+    along, both = np.empty(3), np.empty((3, 3))
     for t in range(len(times)):
-        k = basis_at((times[t] - grid.origin) / grid.step, grid.number, basis, slope, bend)
+        k = weights_at((times[t] - grid.origin) / grid.step, grid.number, basis)
         for p in range(len(pairs)):
             w = learnt.weights[p]
             if w <= 0.0:
                 continue
-            n = 0
+            gap = gaps[p, t]
+            length = max(np.sqrt(gap[0] ** 2 + gap[1] ** 2 + gap[2] ** 2), SHORTEST)
+            along[:] = gap / length
+            miss = w * (learnt.lengths[p] - length)
+            first, second = 3 * pairs[p, 0], 3 * pairs[p, 1]
+            for a in range(3):
+                for b in range(3):
+                    both[a, b] = w * along[a] * along[b]
             for m in range(SPAN):
-                for s in range(2):
-                    sign = 1.0 if s == 0 else -1.0
+                for a in range(3):
+                    right[k + m, first + a] += basis[m] * miss * along[a]
+                    right[k + m, second + a] -= basis[m] * miss * along[a]
+                for n in range(m, SPAN):
+                    block, scale = blocks[k + m, n - m], basis[m] * basis[n]
                     for a in range(3):
-                        index[n] = (k + m) * block + 3 * pairs[p, s] + a
-                        value[n] = sign * basis[m] * along[p, t, a]
-                        n += 1
-            for i in range(n):
-                scale = w * value[i]
-                right[index[i]] += scale * learnt.lengths[p]
-                for j in range(n):
-                    if index[j] <= index[i]:
-                        columns[index[j], index[i] - index[j]] += scale * value[j]
+                        for b in range(3):
+                            value = scale * both[a, b]
+                            block[first + a, first + b] += value
+                            block[second + a, second + b] += value
+                            block[first + a, second + b] -= value
+                            block[second + a, first + b] -= value
 
 
-def block_inverses(columns: Array, joints: int, reach: int) -> Array:
+def block_inverses(factor: Array) -> Array:
     """Return the covariances of each joint's control points in the band, (J, 3K, WIDTH) m^2.
 
     Args:
-        columns: (n, reach * 3J) Cholesky factor, columns[i, k] = L[i + k, i].
-        reach: half bandwidth in blocks.
+        factor: (K, SPAN, 3J, 3J), see `factor_blocks`.
     """
-    block = 3 * joints
-    inverses = np.zeros((joints, len(columns) // joints, WIDTH))
-    for k, here, cross, _ in block_covariances(columns, block, reach):
+    count, _, block, _ = factor.shape
+    inverses = np.zeros((block // 3, 3 * count, WIDTH))
+    for k, here, cross, _ in covariances_in_band(factor):
         collect(here, cross, k, inverses)
     return inverses
 
 
-def block_covariances(columns: Array, block: int, reach: int) -> Iterator[tuple[int, Array, Array, Array]]:
-    """Yield the covariances in the band, from the last block to the first (Takahashi's recursion).
-
-    Args:
-        columns: (n, reach * block) Cholesky factor, columns[i, k] = L[i + k, i].
-        reach: half bandwidth in blocks.
-
-    Yields: index of a block, its covariance (block, block), the covariance ((reach - 1) * block, block) of
-        later blocks with it, and that of later blocks. They are 0 beyond the last block.
-    """
-    later = np.zeros(((reach - 1) * block, (reach - 1) * block))
-    unpacked = np.zeros((reach * block, block))
-    for k in range(len(columns) // block - 1, -1, -1):
-        unpack(columns, k * block, unpacked)
-        own = np.linalg.inv(unpacked[:block])
-        gain = unpacked[block:] @ own
-        cross = later @ -gain
-        here = own.T @ own - gain.T @ cross
-        here = 0.5 * (here + here.T)  # asymmetric errors would grow from block to block
-        yield k, here, cross, later
-        later[block:, block:] = later[:-block, :-block].copy()
-        later[:block, :block] = here
-        later[block:, :block] = cross[:-block]
-        later[:block, block:] = cross[:-block].T
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def unpack(columns, first, out):
-    """Write the columns of one block of the factor as a matrix (reach * 3J, 3J)."""
-    out[:] = 0.0
-    height, block = out.shape
-    for c in range(block):
-        for r in range(c, height):
-            out[r, c] = columns[first + c, r - c]
-
-
 @njit(cache=True, error_model="numpy", nogil=True)
 def collect(here, cross, k, inverses):
-    """Write the covariances of each joint's control point k with itself and with later ones."""
+    """Write the covariances of each joint's control point k with itself and with later ones.
+
+    Args:
+        here, cross: see `covariances_in_band`.
+    """
     joints, size, _ = inverses.shape
-    block = 3 * joints
-    count = min(len(cross) // block + 1, size // 3 - k)
     for j in range(joints):
-        for p in range(count):
+        for p in range(min(len(cross) + 1, size // 3 - k)):
+            values = here if p == 0 else cross[(k + p) % len(cross)]
             for a in range(3):
                 for b in range(3):
                     lag = 3 * p + a - b
                     if lag >= 0:
-                        row = 3 * j + a
-                        value = here[row, 3 * j + b] if p == 0 else cross[(p - 1) * block + row, 3 * j + b]
-                        inverses[j, 3 * (k + p) + a, lag] = value
+                        inverses[j, 3 * (k + p) + a, lag] = values[3 * j + a, 3 * j + b]

@@ -39,21 +39,26 @@ def clock_sums(fit, rays, grid, misses, cameras, factors, count):
     information = np.zeros((size, size))
     parts = int(grid.number * grid.step / SEGMENT_S) + 2
     scores = np.zeros((parts, size))
-    blur, spread = np.zeros((size, size)), np.empty((TERMS, TERMS))
+    blur = np.zeros((size, size))
     basis, slope, bend = np.empty(SPAN), np.empty(SPAN), np.empty(SPAN)
     members, shares = np.empty(MOST + 1, np.int64), np.empty(MOST + 1)
     work = np.empty((MOST, MOST + 1))
-    row, miss = np.empty((2, WIDTH)), np.empty(2)
-    slopes = np.empty((TERMS, 2, WIDTH))  # derivatives of `row` with respect to the unknowns
-    change, bend_of = np.empty((2, TERMS)), np.empty(TERMS)
+    # the row of a ray, and its derivatives with respect to the unknowns; their products with `window`
+    rows, images, miss = np.empty((1 + TERMS, 2, WIDTH)), np.empty((1 + TERMS, 2, WIDTH)), np.empty(2)
+    flat_rows, flat_images = rows.reshape(1 + TERMS, -1), images.reshape(1 + TERMS, -1)
+    # control points from `begin` on, and their covariances
+    place_of, window = np.empty(WIDTH), np.empty((WIDTH, WIDTH))
     coupling = np.zeros((len(rays.starts) - 1, 3 * grid.number, size))
     for j in range(len(rays.starts) - 1):
-        cross = coupling[j]
+        cross, begin = coupling[j], -1
         for i in range(rays.starts[j], rays.starts[j + 1]):
             number, variance = whiten(rays, i, members, shares, work)
             oldest = rays.times[members[number - 1]]
             low = basis_at((oldest - grid.origin) / grid.step, grid.number, basis, slope, bend)
-            row[:], miss[:], slopes[:] = 0.0, 0.0, 0.0
+            if low != begin:
+                begin = low
+                copy_window(fit.points[j], fit.inverses[j], low, place_of, window)
+            rows[:], miss[:] = 0.0, 0.0
             top = low + SPAN
             for m in range(number):
                 n = members[m]
@@ -65,59 +70,41 @@ def clock_sums(fit, rays, grid, misses, cameras, factors, count):
                     for p in range(SPAN):
                         for a in range(3):
                             at, value = 3 * (k - low + p) + a, scale * rays.rows[n, e, a]
-                            row[e, at] += basis[p] * value
+                            rows[0, e, at] += basis[p] * value
                             for q in range(TERMS):
-                                slopes[q, e, at] += slope[p] / grid.step * value * factors[n, q]
+                                rows[1 + q, e, at] += slope[p] / grid.step * value * factors[n, q]
             w = 1.0 / variance
             width = 3 * (top - low)
-            sensitivity(fit.points[j], fit.inverses[j], low, width, row, slopes, change, bend_of, spread)
+            change = np.dot(rows.reshape(-1, WIDTH), place_of).reshape(1 + TERMS, 2)
+            np.dot(rows.reshape(-1, WIDTH), window, images.reshape(-1, WIDTH))
+            spread = np.dot(flat_rows, flat_images.T)  # covariances of the residual and its derivatives
             c = cameras[i]
             place = min(max((rays.times[i] - grid.origin) / SEGMENT_S, 0.0), parts - 1.001)
             later = np.sin(0.5 * np.pi * (place - int(place))) ** 2
             for p in range(TERMS):
-                score = w * bend_of[p]
+                score = w * spread[1 + p, 0]
                 for q in range(TERMS):
-                    blur[p * count + c, q * count + c] += w * spread[p, q]
+                    blur[p * count + c, q * count + c] += w * spread[1 + p, 1 + q]
                 for e in range(2):
-                    value = w * change[e, p]
+                    value = w * change[1 + p, e]
                     score += value * miss[e]
                     for q in range(TERMS):
-                        information[p * count + c, q * count + c] += value * change[e, q]
+                        information[p * count + c, q * count + c] += value * change[1 + q, e]
                     for a in range(width):
-                        cross[3 * low + a, p * count + c] += value * row[e, a]
+                        cross[3 * low + a, p * count + c] += value * rows[0, e, a]
                 scores[int(place), p * count + c] -= (1.0 - later) * score
                 scores[int(place) + 1, p * count + c] -= later * score
     return information, blur, scores, coupling
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def sensitivity(points, inverse, low, width, row, slopes, change, bend, spread):
-    """Write the change of a residual per unknown (2, TERMS), and its covariances.
-
-    They are those with the residual (TERMS,), and among the unknowns (TERMS, TERMS).
-
-    Args:
-        points, inverse: of the curve.
-        low, width: first control point of `row`, and the number of its coordinates.
-        row, slopes: (2, WIDTH) and (TERMS, 2, WIDTH).
-    """
-    change[:], bend[:], spread[:] = 0.0, 0.0, 0.0
-    covered = np.empty(TERMS)
-    for e in range(2):
-        for a in range(width):
-            value = points[low + a // 3, a % 3]
-            for p in range(TERMS):
-                change[e, p] += slopes[p, e, a] * value
-            covered[:], own = 0.0, 0.0
-            for b in range(width):
-                entry = inverse[3 * low + max(a, b), abs(a - b)]
-                own += entry * row[e, b]
-                for p in range(TERMS):
-                    covered[p] += entry * slopes[p, e, b]
-            for p in range(TERMS):
-                bend[p] += slopes[p, e, a] * own
-                for q in range(TERMS):
-                    spread[p, q] += slopes[p, e, a] * covered[q]
+def copy_window(points, inverse, low, place, window):
+    """Write control points (WIDTH,) from `low` on and their covariance (WIDTH, WIDTH), 0 beyond the last."""
+    place[:], window[:] = 0.0, 0.0
+    for a in range(min(WIDTH, len(inverse) - 3 * low)):
+        place[a] = points[low + a // 3, a % 3]
+        for b in range(a + 1):
+            window[a, b] = window[b, a] = inverse[3 * low + a, a - b]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -119,6 +119,7 @@ def estimate_times(
     prior: CameraTimes,
     free: FreeClocks,
     progress: Progress = untold,
+    first: int = 0,
 ) -> CameraTimes:
     """Return the times that fit the rays of all people best; the problems are updated on the way.
 
@@ -127,6 +128,7 @@ def estimate_times(
     Args:
         start: values of the first iteration.
         prior: values that are expected.
+        first: first iteration, DRIFT_ROUND if the start is an earlier result.
     """
     values, given = start.values.copy(), prior.values
     cameras = values.shape[1]
@@ -134,8 +136,8 @@ def estimate_times(
     trusted, fastest, still = (np.zeros(cameras, bool) for _ in range(3))
     if free.trusted >= 0:
         trusted[free.trusted] = True
-    for k in range(ROUNDS):
-        progress(k / ROUNDS, "estimating clocks")
+    for k in range(first, ROUNDS):
+        progress((k - first) / (ROUNDS - first), "estimating clocks")
         sums = _linearise(problems, values, cauchy_of(k // 2))
         if k == DRIFT_ROUND and free.lines and not trusted.any():
             fastest = fastest_shutter(values[2])

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.geometry.splines import SPAN, basis_at
+from panoptic_ros.geometry.splines import SPAN, weights_at
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.bands import backward, factor, forward, inverse_in_band
 
@@ -93,13 +93,12 @@ class AtRays(NamedTuple):
     """Values of the curves at the rays.
 
     Args:
-        positions, velocities: (N, 3) m and m/s.
-        leverages: (N,) variance of the curve along the two rows, in units of the noise variance.
+        positions: (N, 3) m.
+        variances: (N,) m^2, of the curve along the two rows, their sum.
     """
 
     positions: Array
-    velocities: Array
-    leverages: Array
+    variances: Array
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -168,19 +167,19 @@ def add_stiffness(band, stiffness, step):
 @njit(cache=True, error_model="numpy", nogil=True)
 def add_rays(band, z, rays, first, last, grid):
     """Add the normal equations of the rays first..last (exclusive), each whitened by previous rays."""
-    basis, slope, bend = np.empty(SPAN), np.empty(SPAN), np.empty(SPAN)
+    basis = np.empty(SPAN)
     members, shares = np.empty(MOST + 1, np.int64), np.empty(MOST + 1)
     work = np.empty((MOST, MOST + 1))
     row, right = np.empty((2, WIDTH)), np.empty(2)
     for i in range(first, last):
         count, variance = whiten(rays, i, members, shares, work)
         oldest = rays.times[members[count - 1]]
-        low = basis_at((oldest - grid.origin) / grid.step, grid.number, basis, slope, bend)
+        low = weights_at((oldest - grid.origin) / grid.step, grid.number, basis)
         row[:], right[:] = 0.0, 0.0
         top = low + SPAN
         for m in range(count):
             n = members[m]
-            k = basis_at((rays.times[n] - grid.origin) / grid.step, grid.number, basis, slope, bend)
+            k = weights_at((rays.times[n] - grid.origin) / grid.step, grid.number, basis)
             top = max(top, k + SPAN)
             scale = shares[m] / rays.sigmas[n]
             for e in range(2):
@@ -188,13 +187,17 @@ def add_rays(band, z, rays, first, last, grid):
                 for p in range(SPAN):
                     for a in range(3):
                         row[e, 3 * (k - low + p) + a] += scale * basis[p] * rays.rows[n, e, a]
-        width = 3 * (top - low)
         w = 1.0 / variance
-        for a in range(width):
-            at = 3 * low + a
-            z[at] += w * (row[0, a] * right[0] + row[1, a] * right[1])
-            for b in range(a + 1):
-                band[at, a - b] += w * (row[0, a] * row[0, b] + row[1, a] * row[1, b])
+        for p in range(top - low):
+            for a in range(3):
+                x, y = w * row[0, 3 * p + a], w * row[1, 3 * p + a]
+                at = 3 * (low + p) + a
+                z[at] += x * right[0] + y * right[1]
+                for q in range(p):
+                    for b in range(3):
+                        band[at, 3 * (p - q) + a - b] += x * row[0, 3 * q + b] + y * row[1, 3 * q + b]
+                for b in range(a + 1):
+                    band[at, a - b] += x * row[0, 3 * p + b] + y * row[1, 3 * p + b]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -224,14 +227,12 @@ def whiten(rays, i, members, shares, work):
     size = count - 1
     for p in range(size):
         a = members[p + 1]
-        for q in range(size):
-            b = members[q + 1]
-            gap = abs(rays.times[a] - rays.times[b])
-            common = min(rays.growths[a], rays.growths[b])
-            work[p, q] = rays.lasting * common * np.exp(-gap / rays.memory)
-        work[p, p] += (1.0 - rays.lasting) * rays.growths[a]
-        gap, common = rays.times[i] - rays.times[a], min(own, rays.growths[a])
-        work[p, size] = rays.lasting * common * np.exp(-gap / rays.memory)
+        shares[p + 1] = np.exp((rays.times[a] - rays.times[i]) / rays.memory)  # reused for the result below
+        for q in range(p):
+            common = rays.lasting * min(rays.growths[a], rays.growths[members[q + 1]])
+            work[p, q] = work[q, p] = common * shares[p + 1] / shares[q + 1]
+        work[p, p] = rays.growths[a]
+        work[p, size] = rays.lasting * min(own, rays.growths[a]) * shares[p + 1]
     variance = own
     for p in range(size):  # Gauss elimination of a small positive definite system
         for q in range(p + 1, size):
@@ -278,43 +279,63 @@ def all_third_differences(points, inverses, step):
 def at_rays(fit, rays, grid):
     """Return the values of the curves at the rays, `AtRays`."""
     total = len(rays.times)
-    positions, velocities = np.zeros((total, 3)), np.zeros((total, 3))
-    leverages = np.zeros(total)
-    basis, slope, bend = np.empty(SPAN), np.empty(SPAN), np.empty(SPAN)
-    spread = np.empty((3, 3))
+    positions, variances = np.zeros((total, 3)), np.zeros(total)
+    basis, spread = np.empty(SPAN), np.empty((3, 3))
     for j in range(len(rays.starts) - 1):
         points, inverse = fit.points[j], fit.inverses[j]
         for i in range(rays.starts[j], rays.starts[j + 1]):
-            k = basis_at((rays.times[i] - grid.origin) / grid.step, grid.number, basis, slope, bend)
+            k = weights_at((rays.times[i] - grid.origin) / grid.step, grid.number, basis)
             for p in range(SPAN):
                 for a in range(3):
                     positions[i, a] += basis[p] * points[k + p, a]
-                    velocities[i, a] += slope[p] / grid.step * points[k + p, a]
-            covariance_at(inverse, k, basis, k, basis, spread)
-            for e in range(2):
-                for a in range(3):
-                    for b in range(3):
-                        leverages[i] += rays.rows[i, e, a] * spread[a, b] * rays.rows[i, e, b]
-            leverages[i] /= rays.sigmas[i] ** 2
-    return AtRays(positions, velocities, leverages)
+            covariance_at(inverse, k, basis, spread)
+            variances[i] = along(rays, i, i, spread)
+    return AtRays(positions, variances)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def covariance_at(inverse, k, left, m, right, out):
+def covariance_at(inverse, k, weights, out):
+    """Write the covariance (3, 3) of a linear function of control points.
+
+    Args:
+        k, weights: index of the first control point, and weights (SPAN,).
+    """
+    out[:] = 0.0
+    for p in range(SPAN):
+        for q in range(p):
+            scale, lag = weights[p] * weights[q], 3 * (p - q)
+            for a in range(3):
+                for b in range(3):
+                    value = scale * inverse[3 * (k + p) + a, lag + a - b]
+                    out[a, b] += value
+                    out[b, a] += value
+        for a in range(3):
+            row = inverse[3 * (k + p) + a]
+            out[a, a] += weights[p] ** 2 * row[0]
+            for b in range(a):
+                value = weights[p] ** 2 * row[a - b]
+                out[a, b] += value
+                out[b, a] += value
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def cross_covariance(inverse, k, left, m, right, out):
     """Write the covariance (3, 3) of two linear functions of control points.
 
     Args:
         k, left: index of the first control point of the first function, and weights (SPAN,).
-        m, right: those of the second function, less than REACH - SPAN + 1 control points away.
+        m, right: those of the second function, m <= k < m + REACH - SPAN + 1.
     """
     out[:] = 0.0
     for p in range(SPAN):
         for q in range(SPAN):
-            scale = left[p] * right[q]
+            scale, lag = left[p] * right[q], 3 * (k + p - m - q)
             for a in range(3):
                 for b in range(3):
-                    row, col = 3 * (k + p) + a, 3 * (m + q) + b
-                    out[a, b] += scale * (inverse[row, row - col] if row >= col else inverse[col, col - row])
+                    if lag > 0 or (lag == 0 and a >= b):
+                        out[a, b] += scale * inverse[3 * (k + p) + a, lag + a - b]
+                    else:
+                        out[a, b] += scale * inverse[3 * (m + q) + b, b - a - lag]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -322,16 +343,16 @@ def covariances_at(inverses, grid, times):
     """Return the covariances (J, T, 3, 3) m^2 of all joints at times (T,) s."""
     joints = len(inverses)
     out = np.empty((joints, len(times), 3, 3))
-    basis, slope, bend = np.empty(SPAN), np.empty(SPAN), np.empty(SPAN)
+    basis = np.empty(SPAN)
     for i in range(len(times)):
-        k = basis_at((times[i] - grid.origin) / grid.step, grid.number, basis, slope, bend)
+        k = weights_at((times[i] - grid.origin) / grid.step, grid.number, basis)
         for j in range(joints):
-            covariance_at(inverses[j], k, basis, k, basis, out[j, i])
+            covariance_at(inverses[j], k, basis, out[j, i])
     return out
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def persistence(fit, rays, grid, misses):
+def persistence(fit, rays, grid, misses, variances):
     """Return the share of the noise variance that persists over time, 0..1.
 
     The covariance of two residuals is that of their noise minus that of the curve. So the moments of the
@@ -339,10 +360,10 @@ def persistence(fit, rays, grid, misses):
     left out.
 
     Args:
-        misses: (N, 2) residuals in units of the noise.
+        misses: (N, 2) m, residuals.
+        variances: see `AtRays`.
     """
-    basis, slope, bend = np.empty(SPAN), np.empty(SPAN), np.empty(SPAN)
-    other = np.empty(SPAN)
+    basis, other = np.empty(SPAN), np.empty(SPAN)
     spread = np.empty((3, 3))
     total, number, moment, square = 0.0, 0, 0.0, 0.0
     for j in range(len(rays.starts) - 1):
@@ -350,20 +371,20 @@ def persistence(fit, rays, grid, misses):
         for i in range(rays.starts[j], rays.starts[j + 1]):
             if rays.growths[i] > 2.0:
                 continue
-            k = basis_at((rays.times[i] - grid.origin) / grid.step, grid.number, basis, slope, bend)
-            covariance_at(inverse, k, basis, k, basis, spread)
-            total += misses[i, 0] ** 2 + misses[i, 1] ** 2
-            total += along(rays, i, i, spread)
+            total += (misses[i, 0] ** 2 + misses[i, 1] ** 2 + variances[i]) / rays.sigmas[i] ** 2
             number += 1
             n = rays.previous[i]
+            k = -1
             while n >= 0 and rays.times[i] - rays.times[n] <= LASTING_S:
                 if rays.growths[n] <= 2.0:
-                    m = basis_at((rays.times[n] - grid.origin) / grid.step, grid.number, other, slope, bend)
-                    covariance_at(inverse, k, basis, m, other, spread)
+                    if k < 0:
+                        k = weights_at((rays.times[i] - grid.origin) / grid.step, grid.number, basis)
+                    m = weights_at((rays.times[n] - grid.origin) / grid.step, grid.number, other)
+                    cross_covariance(inverse, k, basis, m, other, spread)
                     value = misses[i, 0] * misses[n, 0] + misses[i, 1] * misses[n, 1]
                     value += along(rays, i, n, spread)
                     weight = np.exp(-(rays.times[i] - rays.times[n]) / rays.memory)
-                    moment += weight * value
+                    moment += weight * value / (rays.sigmas[i] * rays.sigmas[n])
                     square += weight * weight
                 n = rays.previous[n]
     if square < LEAST_PAIRS:
@@ -373,10 +394,10 @@ def persistence(fit, rays, grid, misses):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def along(rays, i, n, spread):
-    """Return the trace of the covariance of the curve along the rows of rays i and n, in units of noise."""
+    """Return the trace (m^2) of the covariance of the curve along the rows of rays i and n."""
     value = 0.0
     for e in range(2):
         for a in range(3):
             for b in range(3):
                 value += rays.rows[i, e, a] * spread[a, b] * rays.rows[n, e, b]
-    return value / (rays.sigmas[i] * rays.sigmas[n])
+    return value

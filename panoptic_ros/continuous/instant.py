@@ -14,7 +14,7 @@ from panoptic_ros.continuous.bones import INTERVAL_S
 from panoptic_ros.continuous.curves import WeightedRays, normal_equations
 from panoptic_ros.continuous.relaxation import relax
 from panoptic_ros.geometry.robust import noise_growth
-from panoptic_ros.geometry.splines import SPAN, basis_at
+from panoptic_ros.geometry.splines import SPAN, basis_at, weights_at
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.bands import backward, factor, forward, forward_vector
 
@@ -139,12 +139,11 @@ def solve_points(rays, grid, stiffness):
 def weigh(rays, points, grid, cameras, least_depth, cauchy):
     """Update standard deviations and robust weights of `WindowRays` from curves, in place."""
     weighted = rays.weighted
-    basis, slope, bend = np.empty(SPAN), np.empty(SPAN), np.empty(SPAN)
-    place = np.empty(3)
+    basis, place = np.empty(SPAN), np.empty(3)
     for j in range(len(weighted.starts) - 1):
         for n in range(weighted.starts[j], weighted.starts[j + 1]):
             at = (weighted.times[n] - grid.origin) / grid.step
-            k = basis_at(at, grid.number, basis, slope, bend)
+            k = weights_at(at, grid.number, basis)
             for a in range(3):
                 place[a] = 0.0
                 for p in range(SPAN):

@@ -9,7 +9,7 @@ import numpy as np
 
 from panoptic_ros.continuous.appearance import TOGETHER, appearance
 from panoptic_ros.continuous.bones import rigid_pairs
-from panoptic_ros.continuous.clocks import MARGIN_S, CameraTimes, FreeClocks, estimate_times
+from panoptic_ros.continuous.clocks import DRIFT_ROUND, MARGIN_S, CameraTimes, FreeClocks, estimate_times
 from panoptic_ros.continuous.config import ContinuousConfig
 from panoptic_ros.continuous.faults import (
     ClockFault,
@@ -178,7 +178,7 @@ class ContinuousPass:
                         corrected = clocks.times(rays)
                         grid = grid_over(corrected, MARGIN_S)
                         problems.append(CurveProblem(rays, corrected, self._arrays, grid))
-            clocks = estimate_times(problems, clocks, given, free, share)
+            clocks = estimate_times(problems, clocks, given, free, share, DRIFT_ROUND if k else 0)
         if self._config.clocks and self._trusted < 0:
             clocks = clocks.referenced()
         return clocks.applicable(given)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.continuous.bones import SHORTEST
-from panoptic_ros.geometry.splines import SPAN, basis_at
+from panoptic_ros.geometry.splines import SPAN, weights_at
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.bands import backward, forward_vector
 
@@ -29,10 +29,8 @@ def relax(factors, points, grid, times, pairs, learnt, rounds):
     joints, count, _ = points.shape
     number = len(times)
     first, weights = np.empty(number, np.int64), np.empty((number, SPAN))
-    slope, bend = np.empty(SPAN), np.empty(SPAN)
     for t in range(number):
-        place = (times[t] - grid.origin) / grid.step
-        first[t] = basis_at(place, grid.number, weights[t], slope, bend)
+        first[t] = weights_at((times[t] - grid.origin) / grid.step, grid.number, weights[t])
     places = np.empty((number, joints, 3))
     at_instants(points, places, first, weights)
     along, forces = np.empty((number, len(pairs), 3)), np.empty((number, len(pairs)))
@@ -85,7 +83,7 @@ def at_instants(points, places, first, weights):
     """Write the values (T, J, 3) of curves with control points (J, K, 3).
 
     Args:
-        first, weights: (T,) and (T, SPAN), see `geometry.splines.basis_at`.
+        first, weights: (T,) and (T, SPAN), see `geometry.splines.weights_at`.
     """
     for t in range(len(first)):
         for j in range(len(points)):

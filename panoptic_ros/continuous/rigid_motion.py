@@ -18,12 +18,12 @@ from panoptic_ros.continuous.bones import (
 )
 from panoptic_ros.continuous.curves import CurveFit, all_third_differences, jerk_weights
 from panoptic_ros.continuous.problem import STEP_S, CurveProblem, stiffness_sums, within_limits
-from panoptic_ros.geometry.splines import DEGREE, basis_at
+from panoptic_ros.geometry.splines import DEGREE, SPAN, weights_at
 
 Array = np.ndarray
 # number of Gauss-Newton steps. Three cameras of 6.4 Hz need four or more, 8 of 12.5 Hz need two
 LEAST_STEPS, MOST_STEPS = 2, 5
-SETTLED = 0.2  # mean change of the logarithm of the stiffness after which there is one more step
+SETTLED = 0.2  # mean change of the logarithm of the stiffness up to which there is no further step
 POSES = 9  # number of poses over which the free share of the motion of each joint is averaged
 FREQUENCIES = 32  # number of frequencies up to half the rate of the knots over which it is averaged
 
@@ -40,9 +40,10 @@ def fit_with_lengths(problem: CurveProblem, fit: CurveFit, pairs: Array, learnt:
     marginal = 1.0 / (parts @ (1.0 / problem.stiffness))
     shares = free_shares(fit.points, pairs, learnt, marginal)
     stiffness = marginal * shares[:, None]
+    blocks = np.empty((problem.grid.number, SPAN, 3 * joints, 3 * joints))
     for step in range(1, MOST_STEPS + 1):
-        points, columns = step_with_lengths(problem, fit.points, pairs, learnt, stiffness)
-        inverses = block_inverses(columns, joints, columns.shape[1] // (3 * joints))
+        points = step_with_lengths(problem, fit.points, pairs, learnt, stiffness, blocks)
+        inverses = block_inverses(blocks)
         fit = fit._replace(points=points, inverses=inverses)
         problem.compare(fit)
         shares = free_shares(points, pairs, learnt, stiffness)
@@ -101,10 +102,10 @@ def length_ratios() -> Array:
     The former are sums over the measurements of a length between two knots.
     """
     turns = np.exp(1j * np.pi * (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES)
-    basis, slope, bend = np.empty(DEGREE + 1), np.empty(DEGREE + 1), np.empty(DEGREE + 1)
+    basis = np.empty(DEGREE + 1)
     squares = np.zeros(FREQUENCIES)
     for place in np.arange(0.0, 1.0, INTERVAL_S / STEP_S):
-        basis_at(place, 2 * DEGREE, basis, slope, bend)
+        weights_at(place, 2 * DEGREE, basis)
         squares += np.abs(np.polyval(basis, turns)) ** 2
     ratios: Array = squares / np.abs(np.polyval(jerk_weights(STEP_S), turns)) ** 2
     return ratios

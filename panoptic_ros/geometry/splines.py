@@ -35,38 +35,48 @@ def control_points(first: float, last: float, step: float) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def basis_at(place, count, basis, slope, bend):
-    """Compute the weights (SPAN,) of control points at `place`, and their first two derivatives.
-
-    Cox and de Boor's recursion for uniform knots. The interval at an end serves places beyond that end.
+def weights_at(place, count, basis):
+    """Compute the weights (SPAN,) of control points at `place`. The interval at an end serves places beyond.
 
     Args:
         place: time from the first knot, in knots.
         count: number of control points.
-        basis, slope, bend: (SPAN,) written; derivatives are per knot.
+        basis: (SPAN,) written.
 
     Returns: the index of the first of these control points.
     """
     k = min(max(int(np.floor(place)), 0), count - SPAN)
     u = place - k
-    basis[:] = 0.0
-    basis[0] = 1.0
-    for d in range(1, SPAN):
-        if d == SPAN - 2:
-            for r in range(SPAN):
-                bend[r] = basis[r]
-                if r >= 1:
-                    bend[r] -= 2.0 * basis[r - 1]
-                if r >= 2:
-                    bend[r] += basis[r - 2]
-        if d == SPAN - 1:
-            for r in range(SPAN):
-                slope[r] = -basis[r]
-                if r >= 1:
-                    slope[r] += basis[r - 1]
-        for r in range(d, -1, -1):
-            value = (r + 1 - u) * basis[r]
-            if r >= 1:
-                value += (u - r + d) * basis[r - 1]
-            basis[r] = value / d
+    v, square = 1.0 - u, u * u
+    basis[0] = v * v * v * v / 24.0
+    basis[1] = (11.0 - 12.0 * u + square * (-6.0 + 12.0 * u - 4.0 * square)) / 24.0
+    basis[2] = (11.0 + 12.0 * u + square * (-6.0 - 12.0 * u + 6.0 * square)) / 24.0
+    basis[3] = (1.0 + 4.0 * u + square * (6.0 + 4.0 * u - 4.0 * square)) / 24.0
+    basis[4] = square * square / 24.0
+    return k
+
+
+@njit(cache=True, error_model="numpy")
+def basis_at(place, count, basis, slope, bend):
+    """Compute `weights_at`, and their first two derivatives.
+
+    Args:
+        place, count, basis: see `weights_at`.
+        slope, bend: (SPAN,) written, derivatives per knot.
+
+    Returns: the index of the first of these control points.
+    """
+    k = weights_at(place, count, basis)
+    u = place - k
+    v, square = 1.0 - u, u * u
+    slope[0] = -v * v * v / 6.0
+    slope[1] = (-3.0 - 3.0 * u + square * (9.0 - 4.0 * u)) / 6.0
+    slope[2] = (3.0 - 3.0 * u + square * (-9.0 + 6.0 * u)) / 6.0
+    slope[3] = (1.0 + 3.0 * u + square * (3.0 - 4.0 * u)) / 6.0
+    slope[4] = square * u / 6.0
+    bend[0] = 0.5 * v * v
+    bend[1] = -0.5 + 3.0 * u - 2.0 * square
+    bend[2] = -0.5 - 3.0 * u + 3.0 * square
+    bend[3] = 0.5 + u - 2.0 * square
+    bend[4] = 0.5 * square
     return k

@@ -17,19 +17,19 @@ def factor(band):
     Returns: False if A is not positive definite.
     """
     n, width = band.shape
-    for i in range(n):
-        for k in range(min(i, width - 1), -1, -1):
-            j = i - k
-            value = band[i, k]
-            for m in range(k + 1, min(width, i + 1)):
-                if m - k < width:
-                    value -= band[i, m] * band[j, m - k]
-            if k > 0:
-                band[i, k] = value / band[j, 0]
-            elif value > 0.0:
-                band[i, 0] = np.sqrt(value)
-            else:
-                return False
+    column = np.zeros(2 * width)  # reversed: column[width - 1 - c] = L[j + c, j]. Inner loops are contiguous
+    for j in range(n):
+        if not band[j, 0] > 0.0:
+            return False
+        band[j, 0] = np.sqrt(band[j, 0])
+        scale = 1.0 / band[j, 0]
+        for c in range(1, min(width, n - j)):
+            column[width - 1 - c] = band[j + c, c] * scale
+        for c in range(1, min(width, n - j)):
+            row, first = band[j + c], width - 1 - c
+            row[c] = value = column[first]
+            for e in range(c):
+                row[e] -= value * column[first + e]
     return True
 
 
@@ -75,15 +75,23 @@ def inverse_in_band(lower):
     """Return the entries of A^-1 inside the band (n, b + 1), from the factor (Takahashi's recursion)."""
     n, width = lower.shape
     inverse = np.zeros((n, width))
+    # covariances of the rows below, each in the slot of its remainder, so that nothing moves
+    window, gain, own = np.zeros((width, width)), np.zeros(width), np.zeros(width)
     for j in range(n - 1, -1, -1):
-        last = min(n - 1, j + width - 1)
-        for i in range(last, j, -1):
-            value = 0.0
-            for m in range(j + 1, last + 1):
-                value += lower[m, m - j] * (inverse[i, i - m] if i >= m else inverse[m, m - i])
-            inverse[i, i - j] = -value / lower[j, 0]
-        value = 1.0 / lower[j, 0]
-        for m in range(j + 1, last + 1):
-            value -= lower[m, m - j] * inverse[m, m - j]
-        inverse[j, 0] = value / lower[j, 0]
+        scale, slot = 1.0 / lower[j, 0], j % width
+        gain[slot] = 0.0
+        for i in range(j + 1, min(n, j + width)):
+            gain[i % width] = lower[i, i - j] * scale
+        own[:] = 0.0
+        for m in range(width):
+            value = gain[m]
+            for i in range(width):
+                own[i] -= value * window[m, i]
+        variance = scale * scale
+        for m in range(width):
+            variance -= gain[m] * own[m]
+        own[slot] = variance
+        window[slot], window[:, slot] = own, own
+        for i in range(j, min(n, j + width)):
+            inverse[i, i - j] = own[i % width]
     return inverse

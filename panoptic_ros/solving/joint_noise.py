@@ -26,6 +26,7 @@ class JointNoiseModel:
         self, cameras: Array, joints: Array, scores: Array, start: float, factors: list[Array] | None = None
     ):
         self._groups = (np.minimum((scores * SCORE_BINS).astype(np.int64), SCORE_BINS - 1), cameras, joints)
+        self._orders = [np.argsort(group, kind="stable") for group in self._groups]
         self._start = start
         self.factors = factors or [np.ones(int(group.max(initial=0)) + 1) for group in self._groups]
 
@@ -45,10 +46,11 @@ class JointNoiseModel:
         """
         left = ratios.copy()
         counted = np.ones(len(left), bool) if usable is None else usable
-        for group, factors in zip(self._groups, self.factors):
-            for k in range(len(factors)):
-                own = left[counted & (group == k)]
-                if len(own) >= LEAST_COUNT:
-                    change = max(float(np.median(own)) / RAYLEIGH_MEDIAN, 1e-3)
-                    factors[k] *= change
-                    left[group == k] /= change
+        for group, order, factors in zip(self._groups, self._orders, self.factors):
+            own = order[counted[order]]
+            ends = np.searchsorted(group[own], np.arange(len(factors) + 1))
+            values, change = left[own], np.ones(len(factors))
+            for k in np.flatnonzero(np.diff(ends) >= LEAST_COUNT):
+                change[k] = max(float(np.median(values[ends[k] : ends[k + 1]])) / RAYLEIGH_MEDIAN, 1e-3)
+            factors *= change
+            left /= change[group]

@@ -6,17 +6,21 @@ import pytest
 from free_cameras import FreeCapture
 
 from panoptic_ros.continuous.bones import (
+    SHORTEST,
     PairDistances,
+    block_inverses,
     instants,
     learn_lengths,
     pair_distances,
     rigid_pairs,
     step_with_lengths,
 )
+from panoptic_ros.continuous.curves import WIDTH, normal_equations
 from panoptic_ros.continuous.follow import follow
 from panoptic_ros.continuous.problem import CurveProblem, TrackRays, grid_over
 from panoptic_ros.continuous.relaxation import relax
 from panoptic_ros.domain.rig_arrays import RigArrays
+from panoptic_ros.geometry.splines import SPAN, spline
 from panoptic_ros.solving.frames import camera_frames
 
 PAIRS = rigid_pairs(captures.SKELETON)
@@ -65,9 +69,75 @@ def test_lengths_bring_the_joints_to_their_distances(problem):
         changed = fit._replace(points=points)
         return np.std(pair_distances(problem, changed, PAIRS).lengths, axis=1).mean()
 
-    exact, _ = step_with_lengths(problem, fit.points, PAIRS, learnt, problem.stiffness)
+    exact, _ = step(problem, fit.points, learnt)
     assert spread(exact) < 0.6 * spread(fit.points)
     change = relax(fit.factors, fit.points, problem.grid, instants(problem), PAIRS, learnt, 60)
-    np.testing.assert_allclose(fit.points + change, exact, atol=1e-6)
+    np.testing.assert_allclose(fit.points + change, exact, atol=5e-5)  # the step has a bound of its matrix
     few = relax(fit.factors, fit.points, problem.grid, instants(problem), PAIRS, learnt, 10)
     assert np.abs(fit.points + few - exact).mean() < 1e-4
+
+
+def step(problem, points, learnt):
+    """Control points after one step, and the factor."""
+    count, size = problem.grid.number, 3 * len(points)
+    factor = np.empty((count, SPAN, size, size))
+    return step_with_lengths(problem, points, PAIRS, learnt, problem.stiffness, factor), factor
+
+
+def dense_step(problem, points, learnt):
+    """Change of the control points (K, J, 3) and its covariance (K, J, 3, K, J, 3), by dense matrices."""
+    joints, count, _ = points.shape
+    bands, rights = normal_equations(problem.rays, problem.grid, problem.stiffness)
+    matrix, right = np.zeros((count, joints, 3, count, joints, 3)), np.empty((count, joints, 3))
+    for j in range(joints):
+        own = np.zeros((3 * count, 3 * count))
+        for k in range(WIDTH):
+            own[np.arange(k, 3 * count), np.arange(3 * count - k)] = bands[j, k:, k]
+        own += np.tril(own, -1).T
+        matrix[:, j, :, :, j] = own.reshape(count, 3, count, 3)
+        right[:, j] = (rights[j] - own @ points[j].ravel()).reshape(count, 3)
+    times = instants(problem)
+    basis = spline(problem.grid.origin, problem.grid.step, np.eye(count))(times)
+    for (a, b), length, weight in zip(PAIRS, learnt.lengths, learnt.weights):
+        gaps = basis @ (points[a] - points[b])
+        lengths = np.maximum(np.linalg.norm(gaps, axis=1), SHORTEST)
+        rows = np.zeros((len(times), count, joints, 3))
+        rows[:, :, a] = basis[:, :, None] * (gaps / lengths[:, None])[:, None]
+        rows[:, :, b] = -rows[:, :, a]
+        right += weight * np.einsum("tkja,t->kja", rows, length - lengths)
+        matrix += weight * np.einsum("tkja,tlib->kjalib", rows, rows)
+    size = 3 * joints * count
+    covariance = np.linalg.inv(matrix.reshape(size, size))
+    return (covariance @ right.ravel()).reshape(right.shape), covariance.reshape(matrix.shape)
+
+
+@pytest.mark.parametrize(("persistent", "near"), [(0.0, 1e-6), (0.4, 0.02)])
+def test_a_step_and_its_covariances_are_those_of_the_dense_system(problem, persistent, near):
+    fit = problem.fit()
+    learnt = learn_lengths(pair_distances(problem, fit, PAIRS))
+    problem.persistent = persistent
+    expected, covariance = dense_step(problem, fit.points, learnt)
+    points, factor = step(problem, fit.points, learnt)
+    change = (points - fit.points).transpose(1, 0, 2)
+    assert np.abs(change - expected).max() < near * np.abs(expected).max()
+    inverses = block_inverses(factor)
+    for j in range(len(points)):
+        own = covariance[:, j, :, :, j].reshape(3 * problem.grid.number, -1)
+        np.testing.assert_allclose(inverses[j, :, 0], np.diag(own), rtol=near)
+        lag = (
+            7  # between the first axis of a control point, and the second one of a control point 3 knots away
+        )
+        near_zero = near * np.abs(np.diag(own)).max()
+        np.testing.assert_allclose(inverses[j, lag:, lag], np.diag(own, -lag), atol=near_zero)
+    problem.persistent = 0.0
+
+
+def test_steps_reach_the_same_curves_as_dense_steps_if_noise_persists(problem):
+    fit = problem.fit()
+    learnt = learn_lengths(pair_distances(problem, fit, PAIRS))
+    problem.persistent = 0.4
+    points = fit.points
+    for _ in range(20):
+        points, _ = step(problem, points, learnt)
+    assert np.abs(dense_step(problem, points, learnt)[0]).max() < 1e-9
+    problem.persistent = 0.0

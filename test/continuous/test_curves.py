@@ -10,11 +10,12 @@ from panoptic_ros.continuous.curves import (
     WeightedRays,
     at_rays,
     covariances_at,
+    cross_covariance,
     fit_curves,
     jerk_weights,
     persistence,
 )
-from panoptic_ros.geometry.splines import DEGREE, spline
+from panoptic_ros.geometry.splines import DEGREE, SPAN, spline
 
 GRID = KnotGrid(0.0, 0.04, 20 + DEGREE)
 
@@ -82,6 +83,24 @@ def test_a_curve_is_the_generalised_least_squares_solution(lasting):
     at = covariances_at(fit.inverses, GRID, np.array([0.35]))[0, 0]
     basis = np.kron(spline(GRID.origin, GRID.step, np.eye(GRID.number))(0.35), np.eye(3))
     np.testing.assert_allclose(at, basis @ covariance @ basis.T, rtol=1e-4)
+    whole = spline(GRID.origin, GRID.step, np.eye(GRID.number))(rays.times)
+    design = np.einsum("nk,nea->neka", whole, rays.rows).reshape(len(whole), 2, -1)
+    variances = np.einsum("nei,ij,nej->n", design, covariance, design)
+    np.testing.assert_allclose(at_rays(fit, rays, GRID).variances, variances, rtol=1e-4)
+
+
+def test_cross_covariances_are_those_of_the_dense_matrix():
+    rng = np.random.default_rng(3)
+    rays = random_rays(rng, 0.0)
+    stiffness = rng.uniform(0.5, 2.0, (1, GRID.number - ORDER))
+    fit, (_, covariance) = fit_curves(rays, GRID, stiffness), dense(rays, stiffness[0])
+    found = np.empty((3, 3))
+    for k, m in ((6, 6), (8, 7), (9, 6)):
+        left, right = rng.standard_normal((2, SPAN))
+        cross_covariance(fit.inverses[0], k, left, m, right, found)
+        rows, columns = (slice(3 * i, 3 * (i + SPAN)) for i in (k, m))
+        expected = np.kron(left, np.eye(3)) @ covariance[rows, columns] @ np.kron(right, np.eye(3)).T
+        np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-8)
 
 
 def few_per_camera(rays):
@@ -130,4 +149,4 @@ def test_persistence_of_the_noise_is_found():
     fit = fit_curves(rays, grid, np.full((1, grid.number - ORDER), 1e3))
     at = at_rays(fit, rays, grid)
     left = np.einsum("nij,nj->ni", rays.rows, at.positions) - rays.rights
-    assert persistence(fit, rays, grid, left) == pytest.approx(share, abs=0.05)
+    assert persistence(fit, rays, grid, left, at.variances) == pytest.approx(share, abs=0.05)

@@ -11,19 +11,19 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
-from scipy.linalg import cho_solve_banded, cholesky_banded
 
-from panoptic_ros.continuous.bones import block_covariances
+from panoptic_ros.continuous.block_bands import covariances_in_band, factor_blocks, solve_blocks
 from panoptic_ros.continuous.curves import ORDER, REACH, jerk_weights
 from panoptic_ros.continuous.elhayek.skeleton import HingeSkeleton
-from panoptic_ros.continuous.problem import ROUNDS, CurveProblem, learn_stiffness
-from panoptic_ros.continuous.subjects.system import add_rays, squares_of
+from panoptic_ros.continuous.problem import CurveProblem, learn_stiffness
+from panoptic_ros.continuous.subjects.system import add_rays, blocks_of, squares_of
 from panoptic_ros.geometry.splines import DEGREE, SPAN, spline
 
 Array = np.ndarray
 # m/s^2.5 and rad/s^2.5: less loose than that of joints, because the rays have weights already. From 100, top
 # speed has 10 % more error after 12 rounds; from 1000, the stiffness takes 16 rounds to settle
 START_JERK = 300.0
+ROUNDS = 12  # number of iterations in which the stiffness is learnt
 HALVINGS = 5  # maximum number of halvings of a step that does not reduce the energy
 LIMIT_SD = 0.1  # rad, standard deviation of the limits
 LIMIT_S = 0.1  # s, time over which an excess counts as one measurement
@@ -79,14 +79,12 @@ class FreedomProblem:
         self._problem.place(positions)
         misses = self._problem.misses
         for _ in range(ROUNDS):
-            lower, right = self._system(points, misses, slopes)
-            step = cho_solve_banded((lower, True), right, check_finite=False).reshape(points.shape)
-            points, misses, slopes = self._tried(points, step, misses, slopes)
-            self._learn(points, lower.T)
-        lower, right = self._system(points, misses, slopes)
-        step = cho_solve_banded((lower, True), right, check_finite=False).reshape(points.shape)
-        points, _, _ = self._tried(points, step, misses, slopes)
-        return FreedomFit(points, self._covariances(lower.T))
+            factor, right = self._system(points, misses, slopes)
+            points, misses, slopes = self._tried(points, solve_blocks(factor, right), misses, slopes)
+            self._learn(points, factor)
+        factor, right = self._system(points, misses, slopes)
+        points, _, _ = self._tried(points, solve_blocks(factor, right), misses, slopes)
+        return FreedomFit(points, self._covariances(factor))
 
     def _at_rays(self, points: Array) -> tuple[Array, Array]:
         """Return the joints (N, 3) m at the rays, and the derivatives (N, 2, D) of their misses."""
@@ -106,7 +104,7 @@ class FreedomProblem:
         return positions, derivatives
 
     def _system(self, points: Array, misses: Array, slopes: Array) -> tuple[Array, Array]:
-        """Return the Cholesky factor as a lower band and the right-hand side of a step."""
+        """Return the factor of `factor_blocks` and the right-hand side (K, D) of a step."""
         number, freedoms = points.shape
         columns = np.zeros((points.size, self._reach * freedoms))
         right = np.zeros(points.size)
@@ -131,8 +129,9 @@ class FreedomProblem:
             for q in range(p + 1):
                 both = self._limit_basis[:, p] * self._limit_basis[:, q]
                 blocks[q : q + intervals, :, (p - q) * freedoms] += np.einsum("q,kqd->kd", both, over)
-        lower = cholesky_banded(columns.T, overwrite_ab=True, lower=True, check_finite=False)
-        return lower, right
+        factor = blocks_of(columns, freedoms)
+        factor_blocks(factor)
+        return factor, rights
 
     def _jerks(self, points: Array) -> Array:
         """Return the third differences (K - ORDER, D) of control points, with their part of the second."""
@@ -166,12 +165,12 @@ class FreedomProblem:
                 return tried, self._problem.misses, derivatives
         return points, misses, slopes
 
-    def _learn(self, points: Array, columns: Array) -> None:
-        """Update the stiffness from the curves and the factor (n, width) of their information."""
+    def _learn(self, points: Array, factor: Array) -> None:
+        """Update the stiffness from the curves and the factor of their information."""
         freedoms, scale = points.shape[1], np.array(jerk_weights(self._grid.step))
         spreads = np.zeros_like(self._stiffness)
         each = np.arange(freedoms)
-        for k, covariance in _spans(columns, freedoms, self._reach):
+        for k, covariance in _spans(factor):
             if k < spreads.shape[1]:
                 own = covariance[: ORDER + 1, :, : ORDER + 1][:, each, :, each]  # (D, 4, 4)
                 spreads[:, k] = scale @ own @ scale
@@ -179,12 +178,12 @@ class FreedomProblem:
         inside = np.ones_like(spreads, bool)
         self._stiffness = learn_stiffness(self._stiffness, differences, spreads, inside, axes=1)
 
-    def _covariances(self, columns: Array) -> Array:
+    def _covariances(self, factor: Array) -> Array:
         """Return the covariances (K - DEGREE + 1, D, D) at the knots."""
         freedoms, intervals = self._start.shape[1], len(self._start) - DEGREE
         found = np.empty((intervals + 1, freedoms, freedoms))
         ends = spline(0.0, 1.0, np.eye(SPAN))(np.array([0.0, 1.0]))
-        for k, covariance in _spans(columns, freedoms, self._reach):
+        for k, covariance in _spans(factor):
             if k < intervals:
                 found[k] = np.einsum("p,pdqe,q->de", ends[0], covariance, ends[0])
             if k == intervals - 1:
@@ -192,14 +191,14 @@ class FreedomProblem:
         return found
 
 
-def _spans(columns: Array, freedoms: int, reach: int) -> Iterator[tuple[int, Array]]:
+def _spans(factor: Array) -> Iterator[tuple[int, Array]]:
     """Yield the index k of a control point and the covariance (SPAN, D, SPAN, D) of it and the next ones."""
-    rest = (SPAN - 1) * freedoms
-    size = SPAN * freedoms
-    for k, here, cross, later in block_covariances(columns, freedoms, reach):
-        covariance = np.empty((size, size))
-        covariance[:freedoms, :freedoms] = here
-        covariance[freedoms:, :freedoms] = cross[:rest]
-        covariance[:freedoms, freedoms:] = cross[:rest].T
-        covariance[freedoms:, freedoms:] = later[:rest, :rest]
-        yield k, covariance.reshape(SPAN, freedoms, SPAN, freedoms)
+    freedoms = factor.shape[-1]
+    for k, here, cross, later in covariances_in_band(factor):
+        slots = (k + np.arange(1, SPAN)) % len(cross)
+        covariance = np.empty((SPAN, freedoms, SPAN, freedoms))
+        covariance[0, :, 0] = here
+        covariance[1:, :, 0] = cross[slots]
+        covariance[0, :, 1:] = cross[slots].transpose(2, 0, 1)
+        covariance[1:, :, 1:] = later[slots][:, :, slots]
+        yield k, covariance

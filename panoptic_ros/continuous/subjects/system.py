@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.continuous.curves import MOST, REACH, whiten
-from panoptic_ros.geometry.splines import SPAN, basis_at
+from panoptic_ros.geometry.splines import SPAN, weights_at
 from panoptic_ros.kernels import njit
 
 
@@ -26,7 +26,7 @@ def add_rays(columns, right, rays, grid, misses, slopes, moving):
         moving: (J, D) True where a degree of freedom moves a joint.
     """
     freedoms = slopes.shape[2]
-    basis, slope, bend = np.empty(SPAN), np.empty(SPAN), np.empty(SPAN)
+    basis = np.empty(SPAN)
     members, shares = np.empty(MOST + 1, np.int64), np.empty(MOST + 1)
     work = np.empty((MOST, MOST + 1))
     index = np.empty(REACH * freedoms, np.int64)
@@ -37,12 +37,12 @@ def add_rays(columns, right, rays, grid, misses, slopes, moving):
         for i in range(rays.starts[j], rays.starts[j + 1]):
             count, variance = whiten(rays, i, members, shares, work)
             oldest = rays.times[members[count - 1]]
-            low = basis_at((oldest - grid.origin) / grid.step, grid.number, basis, slope, bend)
+            low = weights_at((oldest - grid.origin) / grid.step, grid.number, basis)
             row[:], miss[:] = 0.0, 0.0
             top = low + SPAN
             for m in range(count):
                 n = members[m]
-                k = basis_at((rays.times[n] - grid.origin) / grid.step, grid.number, basis, slope, bend)
+                k = weights_at((rays.times[n] - grid.origin) / grid.step, grid.number, basis)
                 top = max(top, k + SPAN)
                 scale = shares[m] / rays.sigmas[n]
                 for e in range(2):
@@ -60,6 +60,22 @@ def add_rays(columns, right, rays, grid, misses, slopes, moving):
                 for b in range(a + 1):
                     value = w * (row[0, a] * row[0, b] + row[1, a] * row[1, b])
                     columns[index[b], index[a] - index[b]] += value
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def blocks_of(columns, size):
+    """Return the blocks (K, R + 1, B, B) of a band of columns (K B, (R + 1) B), see `factor_blocks`.
+
+    Args:
+        size: B.
+    """
+    rows, width = columns.shape
+    blocks = np.zeros((rows // size, width // size, size, size))
+    for i in range(rows):
+        for k in range(width - i % size):
+            at = i % size + k
+            blocks[i // size, at // size, at % size, i % size] = columns[i, k]
+    return blocks
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
