@@ -29,9 +29,9 @@ def bodies(rig):
         points, ones = triangulated(rig.cameras, pixels, truth)[None], np.ones((1, len(truth)))
         noise = np.tile(1e-6 * np.eye(3), (*ones.shape, 1, 1))
         poses = (points, noise, ones, 4 * ones, JointState.MEASURED * ones, np.ones(1))
-        item = TrackedPoseSet(k, round(k * SECOND / RATE_HZ), captures.SKELETON.hash, *poses, ids=np.zeros(1))
+        item = TrackedPoseSet(k, round(k * SECOND / RATE_HZ), captures.SKELETON.hash, *poses, ids=np.ones(1))
         outputs += stage.step(item).outputs
-    assert outputs[-1].ids.tolist() == [0]
+    assert outputs[-1].ids.tolist() == [1]
     return outputs[-1]
 
 

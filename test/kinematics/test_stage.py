@@ -38,9 +38,9 @@ def test_bodies_of_tracked_people_stand_where_their_joints_are():
     assert [body.index for body in bodies] == list(range(len(bodies)))
     compared = [body for body in bodies if body.stamp_ns in tracked][4:]
     for body in compared:
-        assert body.ids.tolist() == [0] and body.sources[0] == BodySource.TRACK and body.views[0] == 4
+        assert body.ids.tolist() == [1] and body.sources[0] == BodySource.TRACK and body.views[0] == 4
         poses = tracked[body.stamp_ns]
-        k = poses.ids.tolist().index(0)
+        k = poses.ids.tolist().index(1)
         apart = np.linalg.norm(body.keypoints[0] - poses.positions[k], axis=-1)
         assert np.nanmedian(apart) < 0.06
     assert len(compared) >= 8
@@ -50,7 +50,7 @@ def test_joints_in_space_serve_where_there_is_nothing_in_2d():
     bodies, _ = run("kinematics", chain(14)["refinement"], rate_hz=30.0, lag=0.0)
     last = bodies[-1]
     poses = chain(14)["refinement"][-1]
-    apart = np.linalg.norm(last.keypoints[0] - poses.positions[poses.ids.tolist().index(0)], axis=-1)
+    apart = np.linalg.norm(last.keypoints[0] - poses.positions[poses.ids.tolist().index(1)], axis=-1)
     assert last.sources[0] == BodySource.JOINTS and np.nanmedian(apart) < 0.06
 
 

@@ -353,10 +353,10 @@ def worn(frames=8, start=0):
 
 
 def wearer():
-    """Somebody who is followed as 0, with an IMU whose mounting a T-pose tells."""
+    """Somebody who is followed as 1, with an IMU whose mounting a T-pose tells."""
     model, prior = read_body_model(), read_prior()
     device = Device("back", model.index("spine4"), np.array([-0.1, 0.0, 0.1]), None)
-    subject = Subject(0, model.body(1.7), (device,), TPose(0, SECOND // 9, None))
+    subject = Subject(1, model.body(1.7), (device,), TPose(0, SECOND // 9, None))
     extras = {"subjects": (subject,), "segments": model, "pose_prior": prior}
     return StageContext(captures.RIG, captures.SKELETON, extras)
 
