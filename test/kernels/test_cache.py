@@ -152,7 +152,7 @@ def test_copies_of_the_whole_package_share_what_is_compiled(tmp_path):
         "from panoptic_ros.offsets.trajectories import factor\n"
         "compiled, matrix = [], np.ones((3, 1))\n"
         "with on_compilation(compiled.append):\n    print(factor(matrix))\n"
-        "print(*{name.rpartition('.')[2] for name in compiled if 'ros.' in name})\n"
+        "print(*{name.rpartition('.')[2] for name in compiled if 'panoptic_ros.' in name})\n"
     )
     first, second = (tmp_path / name / "panoptic_ros" for name in "ab")
     for package in (first, second):
