@@ -14,8 +14,8 @@ SIGMA = 4e-3  # standard deviation of a 2D joint on the normalised plane, for as
 MOST_DISTANCE = 6.0  # standard deviations, upper limit of the distance of a joint in means
 WIDEST = 0.15  # m, greatest standard deviation of an innovation, for association only
 MIRROR_MARGIN = 0.5  # standard deviations by which an exchange of left and right has to fit better
-# standard deviations by which the exchange of two people has to fit worse. On 8 rendered captures, 1 to 2 and 3
-# give more exchanges of people
+# standard deviations by which the exchange of two people has to fit worse. On 8 rendered captures, 1 to 2
+# and 3 give more exchanges of people
 SWAP_MARGIN = 2.5
 
 
