@@ -173,7 +173,7 @@ def run(args: argparse.Namespace) -> int:
     if not args.quiet:
         if known is not None:
             print("\n".join(known.told(motion.cameras)))
-        print(f"{args.out}: {len(instants)} instants, {len(motion.people)} people")
+        print(f"{args.out}: {len(instants)} instants, {len({person.id for person in motion.people})} people")
         if args.clocks or args.rolling_shutter:
             print("\n".join(camera_time_lines(motion, args.clocks, args.rolling_shutter)))
     return 0
