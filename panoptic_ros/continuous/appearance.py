@@ -1,4 +1,4 @@
-"""FirstAppearance of people: the time from which a person is numbered, as in tracking."""
+"""First appearance of a person, from which the person gets a number, as in tracking."""
 
 from __future__ import annotations
 

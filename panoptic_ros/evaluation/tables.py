@@ -29,7 +29,7 @@ def report_table(report: Report, joints: bool = True) -> str:
         ("person recall", _number(people.recall)),
         ("person precision", _number(people.precision)),
         ("id switches", f"{identities.switches}{_over_gaps(identities)}, fragments {identities.fragments}"),
-        ("same ids", f"{_number(identities.same_ids)} of the found people have one number in both files"),
+        ("same ids", f"{_number(identities.same_ids)} of the found people have equal ids in both files"),
         ("MOTA", f"{_number(identities.mota)}, IDF1 {_number(identities.idf1)}"),
         ("acceleration error", f"{_number(report.acceleration_error, 1)} m/s^2"),
         ("NEES", _consistency(report)),
