@@ -108,7 +108,6 @@ def test_rolling_shutters_give_the_same_bytes_with_and_without_ros(tmp_path):
 
 
 def test_a_repaired_rig_gives_the_same_bytes_in_one_process_and_in_the_graph(tmp_path):
-    """One camera turns, and all stages take the corrected rig."""
     first, second, *rest = captures.RIG.cameras
     cameras = (first, turned(second, (0.4, 0.3, 0.0)), *rest)
     sets = [item.detections for item in walk(28.0, ((14.0, cameras),)) if isinstance(item, AssociationSet)]

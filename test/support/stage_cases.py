@@ -353,7 +353,7 @@ def worn(frames=8, start=0):
 
 
 def wearer():
-    """The person with id 1 wears an IMU. A T-pose calibrates its mounting."""
+    """Return the context of a person with id 1 and an IMU, which a T-pose calibrates."""
     model, prior = read_body_model(), read_prior()
     device = Device("back", model.index("spine4"), np.array([-0.1, 0.0, 0.1]), None)
     subject = Subject(1, model.body(1.7), (device,), TPose(0, SECOND // 9, None))
