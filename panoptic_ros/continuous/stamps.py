@@ -17,6 +17,9 @@ PAUSE_NS = 2 * SECOND  # ns, shortest pause of a recording
 PAUSE_PERIODS = 4  # the same limit for slow cameras, in periods of the camera
 LATE_PERIODS = 2.5  # periods of a camera by which a view may be out of order
 FEW = 3  # minimum number of views of a camera between two pauses
+# ns, interval at which an image that stays the same is used, half of `follow.MEMORY_S`: exact simulations of
+# people at rest consist of such images
+SAME_NS = SECOND // 4
 SHARE_NS = SECOND  # ns, minimum time without views at an end of the recording that is reported
 NAMED = 6  # number of cameras that a notice names
 
@@ -28,8 +31,8 @@ def usable_views(
 
     A view that repeats counts once. The timestamps of a camera must increase; the largest number of views
     that do is kept. So are views that are out of order by a few periods, because such views were often
-    recorded late, with the right timestamps. Two views or fewer between two pauses, and views that no other
-    camera accompanies, are left out.
+    recorded late, with the right timestamps. Images that a camera repeats with a later timestamp, two views
+    or fewer between two pauses, and views that no other camera accompanies, are left out.
 
     Args:
         frames: views in the order of recording of each camera.
@@ -41,12 +44,15 @@ def usable_views(
     back: dict[int, int] = {}
     late: dict[int, int] = {}
     stray: dict[int, int] = {}
+    same: dict[int, int] = {}
     kept: list[CameraFrame] = []
     for camera, own in of_cameras.items():
         own = _once(own)
         ordered, late[camera] = _ordered(own)
-        near = _without_strays(ordered)
-        back[camera], stray[camera] = len(own) - len(ordered), len(ordered) - len(near)
+        fresh = _fresh(ordered)
+        near = _without_strays(fresh)
+        back[camera], same[camera] = len(own) - len(ordered), len(ordered) - len(fresh)
+        stray[camera] = len(fresh) - len(near)
         kept += near
     kept.sort(key=lambda frame: (frame.stamp_ns, frame.camera))
     together, alone = _accompanied(kept)
@@ -56,6 +62,7 @@ def usable_views(
     texts = {
         "continuous.stamps_back": (back, f"{out} repeat or run backwards"),
         "continuous.late_views": (late, "come after later ones, and are used at the times of their stamps"),
+        "continuous.repeated_images": (same, "are left out, because their images repeat the previous ones"),
         "continuous.stray_stamps": (stray, f"{out} are far from all others"),
     }
     found = [_counted(code, counts, text, len(frames), cameras) for code, (counts, text) in texts.items()]
@@ -125,6 +132,19 @@ def _once(frames: Sequence[CameraFrame]) -> list[CameraFrame]:
 
 def _same(one: CameraFrame, other: CameraFrame) -> bool:
     return np.array_equal(one.plane, other.plane, equal_nan=True) and np.array_equal(one.scores, other.scores)
+
+
+def _fresh(frames: Sequence[CameraFrame]) -> list[CameraFrame]:
+    """Return the views of a camera without those whose 2D people equal the previous ones.
+
+    A camera or recorder that lacks an image repeats the last one with a new timestamp.
+    """
+    chosen: list[CameraFrame] = []
+    for frame in frames:
+        old = bool(chosen) and frame.stamp_ns - chosen[-1].stamp_ns < SAME_NS
+        if not (old and len(frame.plane) and _same(frame, chosen[-1])):
+            chosen.append(frame)
+    return chosen
 
 
 def _without_strays(frames: Sequence[CameraFrame]) -> list[CameraFrame]:

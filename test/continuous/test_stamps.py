@@ -13,8 +13,9 @@ NAMES = ("a", "b")
 SECOND = 1_000_000_000
 
 
-def frame(camera, stamp_s, value=0.0):
-    plane = np.full((1, 19, 2), value)
+def frame(camera, stamp_s, value=None):
+    """View of one person, whose joints have the value; by default, the value is the timestamp."""
+    plane = np.full((1, 19, 2), stamp_s if value is None else value)
     return CameraFrame(camera, round(SECOND * stamp_s), plane, np.ones((1, 19)), np.zeros((1, 19)))
 
 
@@ -74,6 +75,25 @@ def test_views_that_were_recorded_late_are_used():
     kept, notices = usable_views(late, NAMES)
     assert kept == views
     assert [notice.code for notice in notices] == ["continuous.late_views"] and "1 of 80" in notices[0].text
+
+
+def test_an_image_that_a_camera_repeats_counts_once_and_is_told():
+    views = take()
+    for k in (21, 22, 24, 40):  # 22 and 24 show the same image
+        views[k] = replace(views[k], plane=views[k - 2].plane)
+    kept, notices = usable_views(views, NAMES)
+    assert [view for view in views if view not in kept] == [views[k] for k in (21, 22, 24, 40)]
+    (notice,) = notices
+    assert notice.code == "continuous.repeated_images" and notice.values["views"] == {"a": 3, "b": 1}
+
+
+@pytest.mark.parametrize("people", [0, 1])
+def test_people_without_motion_or_noise_are_shown_four_times_a_second(people):
+    views = [replace(view, plane=np.zeros((people, 19, 2))) for view in take()]
+    views = [replace(view, scores=view.scores[:people], heights=view.heights[:people]) for view in views]
+    kept, _ = usable_views(views, NAMES)
+    gaps = np.diff([view.stamp_ns for view in kept if view.camera == 0])
+    assert (gaps >= 0.25 * SECOND).all() and (gaps <= 0.3 * SECOND).all() if people else kept == views
 
 
 def test_a_copy_of_a_view_counts_once_without_a_notice():
