@@ -21,9 +21,11 @@ from panoptic_ros.continuous.problem import STEP_S, CurveProblem, stiffness_sums
 from panoptic_ros.geometry.splines import DEGREE, SPAN, weights_at
 
 Array = np.ndarray
-# number of Gauss-Newton steps. Three cameras of 6.4 Hz need four or more, 8 of 12.5 Hz need two
-LEAST_STEPS, MOST_STEPS = 2, 5
-SETTLED = 0.2  # mean change of the logarithm of the stiffness up to which there is no further step
+# number of Gauss-Newton steps: three cameras of 6.4 Hz need ten, 8 of 12.5 Hz need three
+LEAST_STEPS, MOST_STEPS = 2, 16
+# m, longest step of a control point, about a bone: lengths are linearised
+LONGEST_STEP = 0.3
+SETTLED = 0.03  # mean square of a step, in units of the variance, up to which there is no further step
 POSES = 9  # number of poses over which the free share of the motion of each joint is averaged
 FREQUENCIES = 32  # number of frequencies up to half the rate of the knots over which it is averaged
 
@@ -43,14 +45,18 @@ def fit_with_lengths(problem: CurveProblem, fit: CurveFit, pairs: Array, learnt:
     blocks = np.empty((problem.grid.number, SPAN, 3 * joints, 3 * joints))
     for step in range(1, MOST_STEPS + 1):
         points = step_with_lengths(problem, fit.points, pairs, learnt, stiffness, blocks)
+        moves = points - fit.points
+        longest = np.maximum(np.linalg.norm(moves, axis=-1, keepdims=True), LONGEST_STEP)
+        points = fit.points + moves * (LONGEST_STEP / longest)
         inverses = block_inverses(blocks)
+        change = (points - fit.points).reshape(joints, -1) ** 2 / inverses[:, :, 0]
         fit = fit._replace(points=points, inverses=inverses)
         problem.compare(fit)
         shares = free_shares(points, pairs, learnt, stiffness)
         differences, spreads = all_third_differences(points, inverses, problem.grid.step)
         sums = stiffness_sums(stiffness, differences, spreads, problem.inside, 3.0 * shares[:, None])
-        before, stiffness = stiffness, within_limits((parts @ sums[0]) / (parts @ sums[1]))
-        if step >= LEAST_STEPS and np.abs(np.log(stiffness / before)).mean() < SETTLED:
+        stiffness = within_limits((parts @ sums[0]) / (parts @ sums[1]))
+        if step >= LEAST_STEPS and change.mean() < SETTLED:
             break
     return fit
 
