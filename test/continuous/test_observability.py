@@ -73,7 +73,7 @@ def test_a_camera_that_is_not_observable_leaves_the_certainty_of_the_others(row,
 
 @pytest.mark.parametrize(("offset_sd", "applied"), [(4e-3, 3e-5), (0.0, 0.0), (0.1, 0.0)])  # s, s per row
 def test_an_estimated_offset_keeps_the_line_delay_that_was_estimated_with_it(offset_sd, applied):
-    """The motion gives the time of row 360. Neither the offset nor the line delay is well known alone."""
+    """Rays of people at row 360 determine the sum of offset and line delay there, not either alone."""
     line_sd, offset = 1.2e-5, -360.0 * 3e-5 * (offset_sd > 0.0)
     covariance = np.zeros((6, 6))
     covariance[np.ix_([1, 5], [1, 5])] = np.outer([offset_sd, -line_sd], [offset_sd, -line_sd])
