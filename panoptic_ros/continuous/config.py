@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from panoptic_ros.identity.returns import RETURN_S
+from panoptic_ros.identity.subjects import subjects_of
 from panoptic_ros.params import Config, named_words, param
 from panoptic_ros.solving.capture_space import CAPTURE_VIEWS
 from panoptic_ros.stamps.delays import named_delays
@@ -68,6 +70,28 @@ class ContinuousStageConfig(Config):
         doc="Cameras whose fields of view must contain a new person; the same as assembly.capture_views, "
         "which is the default.",
     )
+    memory: float = param(
+        RETURN_S,
+        unit="s",
+        ge=0.0,
+        le=600.0,
+        doc="Time for which the identity of a person who is not seen is kept; the same as tracking.memory, "
+        "which is the default.",
+    )
+    recognition_time: float = param(
+        0.6,
+        unit="s",
+        ge=0.0,
+        le=10.0,
+        doc="Longest time for which a newcomer who may be a lost person is observed; the same as "
+        "tracking.recognition_time, which is the default.",
+    )
+    subjects: tuple[str, ...] = param(
+        (), doc="Designated people; the same as tracking.subjects, which is the default."
+    )
+    bystanders: bool = param(
+        False, doc="Report bystanders too; the same as tracking.bystanders, which is the default."
+    )
     clocks: tuple[str, ...] = param(
         (), doc="Devices whose clocks stamp cameras; the same as sync.clocks, which is the default."
     )
@@ -77,5 +101,6 @@ class ContinuousStageConfig(Config):
 
     def __post_init__(self) -> None:
         Config.__post_init__(self)
+        subjects_of(self.subjects, "ContinuousStageConfig.subjects")
         named_words("ContinuousStageConfig.clocks", self.clocks)
         named_delays("ContinuousStageConfig.delays_ms", self.delays_ms)

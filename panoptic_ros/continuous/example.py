@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from panoptic_ros.continuous.config import ContinuousStageConfig
 from panoptic_ros.continuous.online import OnlineMotion
 from panoptic_ros.domain import Camera, Rig, SkeletonModel
 from panoptic_ros.domain.rig_arrays import RigArrays
@@ -28,7 +29,7 @@ def follow_example(skeleton: SkeletonModel) -> None:
         cameras.append(Camera(f"{k}", SIZE, lens, Rigid(rotation, np.array([0.0, 0.0, DISTANCE]))))
     arrays = RigArrays.of(Rig(tuple(cameras)))
     joints = np.random.default_rng(0).normal(0.0, EXTENT, (len(skeleton), 3))
-    motion = OnlineMotion(arrays, skeleton)
+    motion = OnlineMotion(arrays, skeleton, ContinuousStageConfig())
     for number in range(VIEWS):
         camera = number % CAMERAS
         local = joints @ arrays.rotations[camera].T + arrays.translations[camera]

@@ -17,6 +17,7 @@ from panoptic_ros.continuous.bones import (
     rigid_pairs,
 )
 from panoptic_ros.continuous.bystanders import are_inside
+from panoptic_ros.continuous.config import ContinuousStageConfig
 from panoptic_ros.continuous.curves import ORDER, KnotGrid
 from panoptic_ros.continuous.follow import ViewTrack, ViewTracker
 from panoptic_ros.continuous.instant import CameraRows, InstantFit, fit_instant, window_rays
@@ -39,10 +40,12 @@ from panoptic_ros.domain import JointState, SkeletonModel
 from panoptic_ros.domain.of_all import joined
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.geometry.splines import control_points
+from panoptic_ros.identity.likeness import NEW, WAIT
 from panoptic_ros.identity.numbering import numbering_order, numbering_places
-from panoptic_ros.identity.returns import RETURN_S, is_pause
+from panoptic_ros.identity.returns import is_pause
+from panoptic_ros.identity.subjects import PublicIds, subjects_of
 from panoptic_ros.solving.calibration_errors import CalibrationErrors
-from panoptic_ros.solving.capture_space import CAPTURE_VIEWS, needed_views
+from panoptic_ros.solving.capture_space import needed_views
 from panoptic_ros.solving.frames import CameraFrame
 from panoptic_ros.solving.joint_noise import JointNoiseModel
 
@@ -92,6 +95,7 @@ class OnlinePerson:
         distances: Newest measurements of the lengths.
         bones: Learnt lengths. None before there are enough measurements.
         appeared: FirstAppearance; None = the person was never in the capture space, and is not reported.
+        undecided: Whether the person may be one who was lost long ago, see `identity.likeness.WAIT`.
     """
 
     id: int
@@ -105,6 +109,7 @@ class OnlinePerson:
     distances: PairDistances | None = None
     bones: LearntLengths | None = None
     appeared: FirstAppearance | None = None
+    undecided: bool = False
 
 
 class OnlineMotion:
@@ -112,11 +117,12 @@ class OnlineMotion:
 
     Args:
         arrays: cameras.
-        capture_views: see `ContinuousStageConfig`.
     """
 
-    def __init__(self, arrays: RigArrays, skeleton: SkeletonModel, capture_views: int = CAPTURE_VIEWS):
-        self._needed_views = needed_views(capture_views, arrays.cameras)
+    def __init__(self, arrays: RigArrays, skeleton: SkeletonModel, config: ContinuousStageConfig):
+        self._needed_views = needed_views(config.capture_views, arrays.cameras)
+        self._memory, self._patience = config.memory, config.recognition_time
+        self._bystanders = config.bystanders
         self._calibration = CalibrationErrors.of(arrays.cameras)
         self._arrays, self._mirror = arrays, np.array(skeleton.mirror)
         self._pairs, self._derived = rigid_pairs(skeleton), skeleton.derived
@@ -136,7 +142,7 @@ class OnlineMotion:
         self._clock = 0.0  # s, the same on a clock that stands still in pauses of all cameras
         self._people: dict[int, OnlinePerson] = {}  # by number of the track
         self._lost: dict[int, SeenPerson] = {}  # people who may return, by id
-        self.ids = 0  # id of the next person
+        self.ids = PublicIds(subjects_of(config.subjects))
 
     def middle_delay(self, camera: int) -> float:
         """Return the time (s) from the timestamp of a camera's view to the exposure of its middle row."""
@@ -168,6 +174,31 @@ class OnlineMotion:
                     person.last_watched = self._clock
         self._number_people(time)
 
+    def find_subjects(self, stamp_ns: int) -> list[tuple[int, int]]:
+        """Give their ids to subjects among the people who are seen; return the new and earlier ids.
+
+        Args:
+            stamp_ns: time of the newest view.
+        """
+        if not len(self.ids.subjects.ids):
+            return []
+        people = [person for person in self._people.values() if person.id >= 0]
+        ids = np.array([*(person.id for person in people), *self._lost], np.int64)
+        here = np.zeros(len(ids), bool)
+        here[: len(people)] = [person.track.last >= person.track.time - HOLD_S for person in people]
+
+        def bodies(rows: Array) -> tuple[Array, Array]:
+            states = np.array([people[row].track.filters.states[:, :2] for row in rows])
+            middles = np.nanmedian(states, axis=1)
+            return middles[:, 0], middles[:, 1]
+
+        found = self.ids.find_subjects(ids, here, bodies, stamp_ns)
+        if found:
+            for person, number in zip(people, ids.tolist()):
+                person.id = number
+            self._lost = dict(zip(ids[len(people) :].tolist(), self._lost.values()))
+        return found
+
     def settle(self) -> None:
         """Learn from the newest views of one person, if that is due."""
         due = [p for p in self._people.values() if p.track.last - p.learnt_at >= LEARN_EVERY_S]
@@ -181,7 +212,9 @@ class OnlineMotion:
         """
         period = self._periods.typical
         found = []
-        for person in self._people.values():
+        people = list(self._people.values())
+        reported = self.ids.are_reported(np.array([person.id for person in people]), self._bystanders)
+        for person in (people[row] for row in np.flatnonzero(reported)):
             if person.noise is None or person.appeared is None or person.id < 0:
                 continue
             if was_seen(np.array([time]), person.seen.times)[0]:
@@ -205,8 +238,16 @@ class OnlineMotion:
             if person is not None and person.id >= 0:
                 self._lost[person.id] = self._lost_person(person)
         self._tracker.ended.clear()
-        oldest = self._clock - RETURN_S - LEARNING_S  # people are numbered some time after their first view
-        self._lost = {number: lost for number, lost in self._lost.items() if lost.watched >= oldest}
+        oldest = (
+            self._clock - self._memory - LEARNING_S
+        )  # people are numbered some time after their first view
+        self._lost = {
+            number: lost for number, lost in self._lost.items() if self._is_remembered(number, lost, oldest)
+        }
+
+    def _is_remembered(self, number: int, lost: SeenPerson, oldest: float) -> bool:
+        """Return whether a person was seen after a time (s, without pauses). Subjects are never forgotten."""
+        return lost.watched >= oldest or number in self.ids.subjects.ids
 
     def _lost_person(self, person: OnlinePerson) -> SeenPerson:
         """Return a person as last seen."""
@@ -231,9 +272,11 @@ class OnlineMotion:
             if person.id < 0 and person.appeared is not None:
                 if time >= person.begin + TAIL_S or not self._may_be_of(person, person.appeared, known, time):
                     new.append((person, person.appeared))
-        begin = min((came.time for _, came in new), default=np.inf)
-        if time < begin + HOLD_S:
+        if time < min((came.time for p, came in new if not p.undecided), default=-np.inf) + HOLD_S:
+            new = [(p, came) for p, came in new if p.undecided]
+        if not new:
             return
+        begin = min(came.time for _, came in new)
         lost = dict(self._lost)
         for number, one in unseen.items():
             lost[number] = self._lost_person(one)._replace(place=self._place_at(one, begin))
@@ -242,8 +285,14 @@ class OnlineMotion:
         for row, (number, away) in enumerate(lost.items()):
             for k, (p, _) in enumerate(new):
                 shared = number in unseen and _share_view(p, unseen[number])
-                possible[row, k] = away.time < p.begin + TAIL_S and not shared
-        for k, row in self._search.returned(list(lost.values()), firsts, possible).items():
+                kept = self._is_remembered(number, away, p.begin_watched - self._memory)
+                possible[row, k] = kept and away.time < p.begin + TAIL_S and not shared
+        seconds = np.array([time - p.begin for p, _ in new])
+        found = self._search.returned(list(lost.values()), firsts, possible, seconds, self._patience)
+        for k, row in enumerate(found.tolist()):
+            new[k][0].undecided = row == WAIT
+            if row in (NEW, WAIT):
+                continue
             number = list(lost)[row]
             self._lost.pop(number, None)
             if number in unseen:
@@ -251,11 +300,10 @@ class OnlineMotion:
                 self._tracker.active.remove(earlier)
                 del self._people[earlier.number]
             new[k][0].id = number
-        new = [(p, came) for p, came in new if p.id < 0]
+        new = [(p, came) for p, came in new if p.id < 0 and not p.undecided]
         times, places = np.array([came.time for _, came in new]), np.array([came.place for _, came in new])
         for row in numbering_order(places.reshape(-1, 2), times, TOGETHER * self._periods.typical):
-            new[row][0].id = self.ids
-            self.ids += 1
+            new[row][0].id = self.ids.new()
 
     def _may_be_of(
         self, person: OnlinePerson, came: FirstAppearance, others: Sequence[OnlinePerson], time: float
@@ -277,10 +325,13 @@ class OnlineMotion:
         return certain_place(self._fit(person, person.noise, min(time, person.track.last)))
 
     def _first_seen(self, person: OnlinePerson, came: FirstAppearance) -> SeenPerson:
-        """Return a person as it appeared."""
+        """Return a person as it appeared, with bones as known now."""
         assert person.noise is not None
-        fit = self._fit(person, person.noise, came.time)
-        lengths = self._search.instant_lengths(fit.positions, fit.covariances)
+        if person.bones is not None:
+            lengths = self._search.bone_lengths(person.bones)
+        else:
+            fit = self._fit(person, person.noise, came.time)
+            lengths = self._search.instant_lengths(fit.positions, fit.covariances)
         return SeenPerson(person.begin, person.begin_watched, came.place, *lengths)
 
     def _seen(self, track: ViewTrack, first: int) -> SeenViews:

@@ -13,10 +13,12 @@ from panoptic_ros.continuous.bones import LearntLengths
 from panoptic_ros.continuous.person import PersonCurve
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.identity.likeness import (
+    NEW,
     BoneLengths,
     bone_evidence,
     paired,
     place_evidence,
+    recognised,
     seen_bones,
 )
 from panoptic_ros.identity.numbering import numbering_order
@@ -49,6 +51,20 @@ class SeenPerson(NamedTuple):
     variances: Array
 
 
+class ReturnOdds(NamedTuple):
+    """Comparison of T lost people with P new ones, who appear together.
+
+    Args:
+        odds: (T, P) log-odds that they are one person.
+        missed: (T,) s of absence, without pauses.
+        near: (T, P) True where the distance is possible within a moment.
+    """
+
+    odds: Array
+    missed: Array
+    near: Array
+
+
 class ReturnSearch:
     """Search for the lost person who a new one is.
 
@@ -75,29 +91,54 @@ class ReturnSearch:
         one = seen_bones(positions[None], covariances[None], self._bones)
         return BoneLengths(one.lengths[0], one.variances[0])
 
-    def returned(
-        self, lost: Sequence[SeenPerson], new: Sequence[SeenPerson], possible: Array
-    ) -> dict[int, int]:
-        """Return which new people, who appear together, are lost ones: {index of the new: of the lost}.
+    def compare(self, lost: Sequence[SeenPerson], new: Sequence[SeenPerson], possible: Array) -> ReturnOdds:
+        """Return the comparison of lost people with new ones, who appear together.
 
         Args:
             possible: (T, P) False where a lost person and a new one are two people in any case.
         """
-        if not len(lost):
-            return {}
         time, watched = min((one.time, one.watched) for one in new)
-        possible = possible & (np.array([watched - one.watched for one in lost])[:, None] <= RETURN_S)
-        rows = np.flatnonzero(possible.any(axis=1)).tolist()
-        if not rows:
-            return {}
-        away = [lost[k] for k in rows]
-        missed = np.maximum([watched - one.watched for one in away], 0.0)
-        unseen = np.maximum([time - one.time for one in away], 0.0)
-        gaps = np.array([one.place for one in away])[:, None] - np.array([one.place for one in new])
+        missed = np.maximum([watched - one.watched for one in lost], 0.0)
+        unseen = np.maximum([time - one.time for one in lost], 0.0)
+        gaps = np.array([one.place for one in lost])[:, None] - np.array([one.place for one in new])
         distances = np.linalg.norm(gaps, axis=-1)
-        odds = bone_evidence(_bones(away), _bones(new), self._groups) + place_evidence(distances, unseen)
-        near = possible[rows] & (distances <= (DISTANCE + SPEED * unseen)[:, None])
-        return {p: rows[t] for t, p in returns_at_once(odds, missed, near)}
+        odds = bone_evidence(_bones(lost), _bones(new), self._groups) + place_evidence(distances, unseen)
+        near = possible & (distances <= (DISTANCE + SPEED * unseen)[:, None])
+        return ReturnOdds(np.where(possible, odds, -np.inf), missed, near)
+
+    def returned(
+        self,
+        lost: Sequence[SeenPerson],
+        new: Sequence[SeenPerson],
+        possible: Array,
+        seconds: Array | None = None,
+        patience: float = 0.0,
+    ) -> Array:
+        """Return the index (P,) of the lost person who each new one is, `NEW` or `WAIT`.
+
+        People who were lost at most `RETURN_S` ago are recognised at once. If some were lost longer ago, the
+        evidence decides with the time of observation, see `identity.likeness.recognised`.
+
+        Args:
+            lost, new, possible: see `compare`.
+            seconds: (P,) s of observation. None: 0.
+            patience: see `recognised`.
+        """
+        found = np.full(len(new), NEW)
+        rows = np.flatnonzero(possible.any(axis=1))
+        if not len(rows):
+            return found
+        odds, missed, near = self.compare([lost[k] for k in rows.tolist()], new, possible[rows])
+        pairs = returns_at_once(odds, missed, near)
+        for t, p in pairs:
+            found[p] = rows[t]
+        if (missed > RETURN_S).any():
+            left = np.setdiff1d(np.arange(len(rows)), [t for t, _ in pairs])
+            open_ones = np.flatnonzero(found == NEW)
+            times = np.zeros(len(new)) if seconds is None else seconds
+            later = recognised(odds[np.ix_(left, open_ones)], times[open_ones], patience)
+            found[open_ones] = [rows[left[t]] if t >= 0 else t for t in later.tolist()]
+        return found
 
 
 def _bones(people: Sequence[SeenPerson]) -> BoneLengths:
@@ -143,9 +184,14 @@ def with_identities(
         ends = [(_end(found[k], 0, frames, search), _end(found[k], -1, frames, search)) for k in group]
         numbers = list(lost)
         possible = np.array([[_may_follow(found[t], found[k]) for k in group] for t in numbers], bool)
+        possible = possible.reshape(len(numbers), len(group))
         away = [lost[t] for t in numbers]
         firsts_seen = [first for first, _ in ends]
-        for p, t in search.returned(away, firsts_seen, possible).items():
+        watched = min(one.watched for one in firsts_seen)
+        possible &= np.array([watched - one.watched <= RETURN_S for one in away], bool)[:, None]
+        for p, t in enumerate(search.returned(away, firsts_seen, possible).tolist()):
+            if t == NEW:
+                continue
             earlier, k = numbers[t], group[p]
             found[earlier] = replace(found[earlier], until=ends[p][0].time)
             firsts[k] = firsts[earlier]

@@ -21,9 +21,17 @@ from panoptic_ros.continuous.reports import ABSENT_S, pose_set
 from panoptic_ros.continuous.returns import SeenPerson
 from panoptic_ros.continuous.seen_views import SeenViews
 from panoptic_ros.continuous.view_order import TimedFrame, ViewOrder
-from panoptic_ros.domain import ClockModel, DetectionSet, RefinedPoseSet, StampLine, ViewDetections
+from panoptic_ros.domain import (
+    ClockModel,
+    DetectionSet,
+    RefinedPoseSet,
+    StampLine,
+    SubjectSet,
+    ViewDetections,
+)
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import ConfigError, DataError
+from panoptic_ros.identity.subjects import PublicIds
 from panoptic_ros.solving.example import easy_instants
 from panoptic_ros.solving.frames import CameraFrame, camera_frames
 from panoptic_ros.stage import InstantRange, Notice, StageContext, StepResult
@@ -46,7 +54,7 @@ class ContinuousStage(Stateful):
 
     An instant is given as soon as a view newer than the instant plus the lag has come. It depends only on the
     views up to the instant plus the lag, so the order of arrival does not matter. People whom no view has
-    shown for half a second are left out.
+    shown for half a second are left out, and so are people who are not among designated subjects.
     """
 
     LAYOUT = StateLayout(
@@ -60,6 +68,7 @@ class ContinuousStage(Stateful):
             "_newest_ns",
             "_settled",
             "_faults",
+            "_found",
             *(
                 f"_motion.{name}"
                 for name in (
@@ -93,6 +102,8 @@ class ContinuousStage(Stateful):
             Entry,
             SeenViews,
             SeenPerson,
+            PublicIds,
+            SubjectSet,
             LearntNoise,
             LearntLengths,
             PairDistances,
@@ -131,23 +142,27 @@ class ContinuousStage(Stateful):
             {camera.name: camera.clock for camera in self._rig.cameras}, config.clocks, config.delays_ms
         )
         self._order = ViewOrder(self._rig.names, round(config.wait_s * SECOND))
-        self._motion = OnlineMotion(self._arrays, self._skeleton, config.capture_views)
+        self._motion = OnlineMotion(self._arrays, self._skeleton, config)
         self._next: int | None = None  # number k of the next instant
         self._index = 0  # number of instants given so far
         self._reference_ns: int | None = None  # origin of the times of the motion
         self._newest_ns = 0  # time of the newest view that the motion has taken
         self._settled = True  # False: there may be work for `settle`
         self._faults: Counter[str] = Counter()  # views that were left out, by fault and camera
+        self._found: list[tuple[int, int]] = []  # new and earlier ids of subjects that are not reported yet
 
     def forget(self) -> None:
-        """Drop all views and people; ids and the index of instants continue."""
+        """Drop all views and people; ids, subjects and the index of instants continue."""
         ids, index = self._motion.ids, self._index
         self.reset()
         self._motion.ids, self._index = ids, index
+        ids.begun_ns = None
 
     def lasting_state(self) -> bytes:
-        """Return what matters after a pause: ids and the index (see `stage.LastingStateStage`)."""
+        """Return what matters after a pause: ids, subjects, the index (see `stage.LastingStateStage`)."""
         resting = copy.copy(self)
+        resting._motion = copy.copy(self._motion)
+        resting._motion.ids = copy.copy(self._motion.ids)
         resting.forget()
         return Stateful.state(resting)
 
@@ -155,8 +170,10 @@ class ContinuousStage(Stateful):
         """Record the waiting time of the views, ns. Instants are left out if it is long."""
         self._waited_ns = ns
 
-    def step(self, item: ViewDetections | ClockModel) -> StepResult[RefinedPoseSet]:
+    def step(self, item: ViewDetections | ClockModel | SubjectSet) -> StepResult[RefinedPoseSet]:
         """Take a view or a clock model; return the people at all instants that are due.
+
+        A `SubjectSet` replaces the designation of subjects. It gives no output.
 
         Raises:
             DataError: the skeleton differs, or the rig has no such camera.
@@ -164,6 +181,9 @@ class ContinuousStage(Stateful):
         if not self._config.active:
             return StepResult()
         notices: list[Notice] = []
+        if isinstance(item, SubjectSet):
+            self._motion.ids.designate(item)
+            return StepResult()
         if isinstance(item, ClockModel):
             views, told = self._correction.clock(item)
         else:
@@ -258,6 +278,7 @@ class ContinuousStage(Stateful):
                 self._reference_ns = view.time_ns
             self.settle()
             self._motion.take(view.frame, 1e-9 * (view.time_ns - self._reference_ns))
+            self._found += self._motion.find_subjects(view.time_ns)
             self._newest_ns = view.time_ns
             self._settled = False
 
@@ -299,6 +320,8 @@ class ContinuousStage(Stateful):
                 left_out += 1
             self._next += 1
         notices += [late(left_out, self._waited_ns)] if left_out else []
+        notices += [designated(*ids) for ids in self._found]
+        self._found.clear()
         return outputs
 
     def _people_at(self, index: int, stamp_ns: int) -> RefinedPoseSet:
@@ -313,6 +336,17 @@ class ContinuousStage(Stateful):
 def own(notices: Iterable[Notice]) -> list[Notice]:
     """Return notices about timestamps as those of this stage."""
     return [replace(notice, code=f"continuous.{notice.code.partition('.')[2]}") for notice in notices]
+
+
+def designated(number: int, before: int) -> Notice:
+    """Return the notice of a subject that was found.
+
+    Args:
+        number: id of the subject.
+        before: earlier id of the person.
+    """
+    text = f"subject {number} is the person who was {before} on /skeletons_at"
+    return Notice("continuous.designated", "info", text, {"id": number, "before": before})
 
 
 def late(left_out: int, waited_ns: int) -> Notice:

@@ -19,6 +19,10 @@ SHARED = {
     ("continuous", "delays_ms"): ("sync", "delays_ms"),
     ("continuous", "clocks"): ("sync", "clocks"),
     ("continuous", "capture_views"): ("assembly", "capture_views"),
+    ("continuous", "memory"): ("tracking", "memory"),
+    ("continuous", "recognition_time"): ("tracking", "recognition_time"),
+    ("continuous", "subjects"): ("tracking", "subjects"),
+    ("continuous", "bystanders"): ("tracking", "bystanders"),
     ("clocks", "master_clock"): ("sync", "master_clock"),
 }
 NEEDED = {("assembly", "method", "dynamic_programming"): {"voting": {"parts": True, "without_maps": True}}}

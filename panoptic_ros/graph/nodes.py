@@ -188,7 +188,7 @@ NODES: dict[str, NodeSpec] = {
             "continuous",
             "panoptic_ros.continuous.stage:ContinuousStage",
             "panoptic_ros.continuous.config:ContinuousStageConfig",
-            (Port("clock_models", optional=True), Port("detections")),
+            (Port("subjects", optional=True), Port("clock_models", optional=True), Port("detections")),
             ("skeletons_at",),
             queue="late",
             switch="active",

@@ -1,11 +1,12 @@
-"""Designated people (subjects): parses the words that designate them, and finds them among people in view.
+"""Ids of people, and designated people (subjects), who have ids of their own.
 
 A word is an id, such as "3", or an id with a position in m, such as "3=0.4 -1.2 0.95".
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -103,3 +104,80 @@ def found_subjects(
     order = [row for row in np.argsort(seen.ids).tolist() if row not in found]
     found.update(zip(order, anywhere.tolist()))
     return found
+
+
+@dataclass(eq=False)
+class PublicIds:
+    """Ids of people: numbers that no person has had, and those of the subjects.
+
+    Args:
+        subjects: Designated people; all others are bystanders.
+        next: Lower bound of the next new id.
+        begun_ns: Time at which people were seen first since the designation; None = no person yet.
+    """
+
+    subjects: SubjectSet
+    next: int = 0
+    begun_ns: int | None = None
+
+    def designate(self, subjects: SubjectSet) -> None:
+        """Replace the designation of subjects."""
+        self.subjects, self.begun_ns = subjects, None
+
+    def new(self) -> int:
+        """Return an id that no person has had, and that is not a subject's."""
+        while self.next in self.subjects.ids:
+            self.next += 1
+        self.next += 1
+        return self.next - 1
+
+    def are_reported(self, ids: Array, bystanders: bool) -> Array:
+        """Return which of the people (P,) are reported: all, or only the subjects."""
+        if bystanders or not len(self.subjects.ids):
+            return np.ones(len(ids), bool)
+        return np.isin(ids, self.subjects.ids)
+
+    def find_subjects(
+        self,
+        ids: Array,
+        here: Array,
+        bodies: Callable[[Array], tuple[Array, Array]],
+        stamp_ns: int,
+    ) -> list[tuple[int, int]]:
+        """Give the subjects' ids to the people who are designated.
+
+        Args:
+            ids: (T,) identities, written; -1 = not numbered yet.
+            here: (T,) True for people in view.
+            bodies: returns centres (K, 3) m and velocities (K, 3) m/s of the people in rows (K,).
+            stamp_ns: time of the instant.
+
+        Returns:
+            the new and the earlier id of each subject that was found.
+        """
+        subjects = self.subjects
+        if not len(subjects.ids):
+            return []
+        found: dict[int, int] = {}
+        for s in np.flatnonzero(np.isin(subjects.tracks, ids[ids >= 0])).tolist():
+            found |= {int(row): s for row in np.flatnonzero(ids == subjects.tracks[s])}
+        if found:  # each stated track is used once
+            left = subjects.tracks.copy()
+            left[list(found.values())] = -1
+            self.subjects = replace(subjects, tracks=left)
+        missing = np.flatnonzero(~np.isin(subjects.ids, ids))
+        rows = np.flatnonzero((ids >= 0) & here & ~np.isin(ids, subjects.ids))
+        if len(rows) and self.begun_ns is None:
+            self.begun_ns = stamp_ns
+        if len(missing) and len(rows):
+            seen = VisibleTracks(ids[rows], *bodies(rows))
+            chosen = found_subjects(subjects, missing, seen, stamp_ns, self.begun_ns or stamp_ns)
+            found = {int(rows[row]): s for row, s in chosen.items()} | found
+        told = []
+        for row, s in found.items():
+            number, before = int(subjects.ids[s]), int(ids[row])
+            for other in np.flatnonzero(ids == number):
+                ids[other] = self.new()
+            ids[row] = number
+            told.append((number, before))
+        return told

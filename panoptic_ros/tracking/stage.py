@@ -27,7 +27,7 @@ from panoptic_ros.identity.likeness import (
 from panoptic_ros.identity.motion import JointMotion
 from panoptic_ros.identity.numbering import numbering_order, numbering_places
 from panoptic_ros.identity.returns import RETURN_S, is_pause, returns_at_once
-from panoptic_ros.identity.subjects import VisibleTracks, found_subjects, subjects_of
+from panoptic_ros.identity.subjects import PublicIds, subjects_of
 from panoptic_ros.solving.limbs import limbs_of
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
@@ -110,9 +110,9 @@ class TrackingStage(Stateful):
 
     LAYOUT = StateLayout(
         "tracking",
-        ("_tracks", "_next", "_last_ns", "_subjects", "_begun_ns", "_clothes"),
-        (Tracks, JointMotion, TrackedBodies, ClothingColours, SubjectSet, ViewAppearance),
-        lasting=("_next", "_subjects"),
+        ("_tracks", "_ids", "_last_ns", "_clothes"),
+        (Tracks, JointMotion, TrackedBodies, ClothingColours, PublicIds, SubjectSet, ViewAppearance),
+        lasting=("_ids",),
         same={"configuration": "_config", "skeleton": "_hash"},
     )
 
@@ -129,11 +129,14 @@ class TrackingStage(Stateful):
     def reset(self) -> None:
         """Forget all tracks; ids start from 0."""
         self._tracks = self._new(0)
-        self._next = 0
+        self._ids = PublicIds(subjects_of(self._config.subjects))
         self._last_ns: int | None = None
-        self._begun_ns: int | None = None
         self._clothes: dict[str, deque[ViewAppearance]] = {}
-        self._say_subjects(subjects_of(self._config.subjects))
+
+    def forget(self) -> None:
+        """Drop all tracks; ids and subjects continue."""
+        super().forget()
+        self._ids.begun_ns = None
 
     def flush(self) -> StepResult[TrackedPoseSet | TrackSet]:
         """Reset the stage. It has no buffered records."""
@@ -150,7 +153,7 @@ class TrackingStage(Stateful):
             DataError: if the poses are of another skeleton.
         """
         if isinstance(item, SubjectSet):
-            self._say_subjects(item)
+            self._ids.designate(item)
             return StepResult()
         if isinstance(item, ViewAppearance):
             self._clothes.setdefault(item.camera, deque(maxlen=KEPT)).append(item)
@@ -180,7 +183,7 @@ class TrackingStage(Stateful):
         notices = self._confirm(shown, owners) + self._find_subjects(item.stamp_ns)
         ids = np.where(owners >= 0, self._tracks.ids[owners], -1) if len(owners) else owners
         self._tracks.exchange_sides(self._limbs)
-        rows = np.flatnonzero((ids >= 0) & self._is_reported(ids))
+        rows = np.flatnonzero((ids >= 0) & self._ids.are_reported(ids, self._config.bystanders))
         rows = rows[np.argsort(ids[rows])]
         return StepResult((tracked(item, rows, ids[rows]), self._tracks.record(item)), notices)
 
@@ -200,7 +203,7 @@ class TrackingStage(Stateful):
         tracks.predict(dt, blind=bool(is_pause(dt)))
         kept = tracks.missed <= np.where(tracks.ids >= 0, config.memory, config.joint_memory)
         if not kept.all():
-            kept |= np.isin(tracks.ids, self._subjects.ids)  # tracks of subjects never end
+            kept |= np.isin(tracks.ids, self._ids.subjects.ids)  # tracks of subjects never end
             self._tracks = selected(tracks, kept)
 
     def _assign(self, item: PoseSet, looks: Array) -> Array:
@@ -270,7 +273,7 @@ class TrackingStage(Stateful):
             if who == WAIT:
                 continue
             if who == NEW:
-                number, word = self._new_id(), "appeared"
+                number, word = self._ids.new(), "appeared"
             else:
                 number, word = int(tracks.ids[lost[who]]), "returned"
                 tracks.take_over(int(lost[who]), t)
@@ -284,54 +287,20 @@ class TrackingStage(Stateful):
             self._tracks = selected(tracks, kept)
         return tuple(notices)
 
-    def _new_id(self) -> int:
-        """Return an id that no person has had, and that is not a subject's."""
-        while self._next in self._subjects.ids:
-            self._next += 1
-        self._next += 1
-        return self._next - 1
-
-    def _say_subjects(self, subjects: SubjectSet) -> None:
-        self._subjects, self._begun_ns = subjects, None
-
-    def _is_reported(self, ids: Array) -> Array:
-        """Return which of the people (P,) are reported: all, or only the subjects."""
-        if self._config.bystanders or not len(self._subjects.ids):
-            return np.ones(len(ids), bool)
-        return np.isin(ids, self._subjects.ids)
-
     def _find_subjects(self, stamp_ns: int) -> tuple[Notice, ...]:
-        """Give the subjects' ids to the people who are designated.
-
-        Returns:
-            a notice for each subject that was found.
-        """
-        subjects, tracks, notices = self._subjects, self._tracks, []
-        if not len(subjects.ids):
-            return ()
-        found: dict[int, int] = {}
-        for s in np.flatnonzero(np.isin(subjects.tracks, tracks.ids[tracks.ids >= 0])).tolist():
-            found |= {int(row): s for row in np.flatnonzero(tracks.ids == subjects.tracks[s])}
-        if found:  # each stated track is used once
-            left = subjects.tracks.copy()
-            left[list(found.values())] = -1
-            self._subjects = replace(subjects, tracks=left)
-        missing = np.flatnonzero(~np.isin(subjects.ids, tracks.ids))
-        rows = np.flatnonzero((tracks.ids >= 0) & (tracks.unseen == 0.0) & ~np.isin(tracks.ids, subjects.ids))
-        if len(rows) and self._begun_ns is None:
-            self._begun_ns = stamp_ns
-        if len(missing) and len(rows):
-            seen = VisibleTracks(tracks.ids[rows], tracks.bodies.middles[rows], tracks.bodies.drifts[rows])
-            chosen = found_subjects(subjects, missing, seen, stamp_ns, self._begun_ns or stamp_ns)
-            found = {int(rows[row]): s for row, s in chosen.items()} | found
-        for row, s in found.items():
-            number, before = int(subjects.ids[s]), int(tracks.ids[row])
-            for other in np.flatnonzero(tracks.ids == number):
-                tracks.ids[other] = self._new_id()
-            tracks.ids[row] = number
-            text = f"subject {number} is the person who was {before}"
-            notices.append(Notice("tracking.designated", "info", text, {"id": number, "before": before}))
-        return tuple(notices)
+        """Give the subjects' ids to the people who are designated; return a notice for each."""
+        tracks = self._tracks
+        found = self._ids.find_subjects(
+            tracks.ids,
+            tracks.unseen == 0.0,
+            lambda rows: (tracks.bodies.middles[rows], tracks.bodies.drifts[rows]),
+            stamp_ns,
+        )
+        return tuple(
+            Notice("tracking.designated", "info", text, {"id": number, "before": before})
+            for number, before in found
+            for text in [f"subject {number} is the person who was {before}"]
+        )
 
     def _convinces(self, item: PoseSet, k: int) -> bool:
         """Return whether a skeleton has enough views and joints to be confirmed at once."""

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from free_cameras import FreeCapture
 
+from panoptic_ros.continuous.config import ContinuousStageConfig
 from panoptic_ros.continuous.curves import KnotGrid, covariances_at
 from panoptic_ros.continuous.online import BEFORE_S, OnlineMotion
 from panoptic_ros.continuous.periods import CameraPeriods
@@ -21,7 +22,7 @@ STAMPS = np.array([1e-9 * (frame.stamp_ns - 1_000_000_000_000) for frame in FRAM
 
 
 def play(lag, frames=FRAMES, stamps=STAMPS):
-    motion = OnlineMotion(ARRAYS, captures.SKELETON)
+    motion = OnlineMotion(ARRAYS, captures.SKELETON, ContinuousStageConfig())
     instants, found, k = np.arange(0.5, stamps[-1] - lag, 0.05), [], 0
     for frame, time in zip(frames, stamps):
         while k < len(instants) and instants[k] + lag < time:
@@ -86,7 +87,7 @@ def test_memory_is_bounded():
 def test_instants_change_nothing():
     """More instants, at other times, in any order: the later motion is the same."""
     plain, _ = play(0.1)
-    asked = OnlineMotion(ARRAYS, captures.SKELETON)
+    asked = OnlineMotion(ARRAYS, captures.SKELETON, ContinuousStageConfig())
     for frame, time in zip(FRAMES, STAMPS):
         asked.take(frame, time)
         asked.settle()

@@ -512,6 +512,12 @@ def cases():
         "continuous": lambda: Case(
             "continuous", {"active": True, "rate_hz": 20.0}, odd_free_views(), free_views(9, 300)
         ),
+        "continuous-subjects": lambda: Case(
+            "continuous",
+            {"active": True, "rate_hz": 20.0, "subjects": ["7"], "memory": 9.0},
+            [*odd_free_views()[:60], OTHERS, *odd_free_views()[60:]],
+            free_views(9, 300),
+        ),
         "health": lambda: Case("health", {"repair": True}, walkers.walked(), walkers.walk(2, start_s=3.0)),
         "offsets": lambda: Case("offsets", {"active": True, "block_s": 0.5}, motion(), motion(20)),
         **{
@@ -574,6 +580,7 @@ NAMES = (
     "detection",
     "detection-looks",
     "continuous",
+    "continuous-subjects",
     "health",
     "offsets",
     "sync-replay",

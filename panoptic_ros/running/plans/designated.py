@@ -1,4 +1,4 @@
-"""Applies subject files to the plan of a run, and designates their people in tracking."""
+"""Applies subject files to the plan of a run, and designates their people."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from panoptic_ros.continuous.config import ContinuousStageConfig
 from panoptic_ros.errors import UsageError
 from panoptic_ros.identity.subjects import subject_word
 from panoptic_ros.io.bag_streams import IMU_KEY
@@ -38,9 +39,11 @@ def with_subjects(plan: Plan, paths: Sequence[Path]) -> Plan:
     people = body_extras(paths)["subjects"]
     words = tuple(subject_word(subject.id, subject.start) for subject in people)
     bodies = config_of(plan.configs, KinematicsConfig)
+    instants = config_of(plan.configs, ContinuousStageConfig)
     configs = {
         **plan.configs,
         "tracking": replace(config, subjects=words),
+        "continuous": replace(instants, subjects=words),
         "kinematics": replace(bodies, subjects=tuple(str(path) for path in paths)),
     }
     worn = tuple(device.name for subject in people for device in subject.devices)
