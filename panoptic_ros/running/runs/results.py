@@ -147,8 +147,8 @@ def check_record(plan: Plan, key: str, owner: str, record: Any) -> None:
 class Results:
     """Receiver of the records of a run.
 
-    Records go to the bag and to the files of frames (e.g. skeletons.json.gz) at once. Input of the report is kept until the end; in a
-    live run, only the newest `KEPT_LIVE` instants are kept.
+    Records go to the bag and to the files of frames (e.g. skeletons.json.gz) at once. Input of the report is
+    kept until the end; in a live run, only the newest `KEPT_LIVE` instants are kept.
 
     The object is a context manager. A normal exit closes all files. An exit by an error discards the results
     of a recording, but closes those of a live take.
