@@ -129,7 +129,7 @@ def test_people_at_any_instant_are_in_a_file_that_evaluate_compares(tmp_path):
     assert [frame.stamp_ns for frame in frames] == [item.stamp_ns for item in sets]
     assert [frame.ids.tolist() for frame in frames] == [item.ids.tolist() for item in sets]
     scores = evaluate(out / "skeletons.json.gz", out / "skeletons_at.json.gz").values
-    assert scores["person_recall"] > 0.6
+    assert scores["same_ids"] == 1.0 and scores["person_recall"] > 0.6
 
 
 def test_fast_cameras_are_not(bag, tmp_path):
