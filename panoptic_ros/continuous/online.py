@@ -33,7 +33,14 @@ from panoptic_ros.continuous.problem import (
     LearntNoise,
     TrackRays,
 )
-from panoptic_ros.continuous.reports import JointReport, RayEvidence, add_calibration, joint_report, was_seen
+from panoptic_ros.continuous.reports import (
+    JointReport,
+    RayEvidence,
+    add_biases,
+    add_calibration,
+    joint_report,
+    was_seen,
+)
 from panoptic_ros.continuous.returns import DISTANCE, TAIL_S, ReturnSearch, SeenPerson
 from panoptic_ros.continuous.seen_views import SeenViews
 from panoptic_ros.domain import JointState, SkeletonModel
@@ -125,6 +132,7 @@ class OnlineMotion:
         self._memory, self._patience = config.memory, config.recognition_time
         self._bystanders = config.bystanders
         self._calibration = CalibrationErrors.of(arrays.cameras)
+        self._bias_floors = skeleton.bias_floors
         self._arrays, self._mirror = arrays, np.array(skeleton.mirror)
         self._pairs, self._derived = rigid_pairs(skeleton), skeleton.derived
         self._search = ReturnSearch(skeleton, self._pairs)
@@ -233,6 +241,7 @@ class OnlineMotion:
                 when, kept = np.array([time]), (evidence, period, self._derived)
                 whole = joint_report(when, fit.positions[None], fit.covariances[None], *kept)
                 add_calibration(whole, when, *kept, self._calibration)
+                add_biases(whole, self._bias_floors)
                 report = whole.at(0)
                 if (report.states != JointState.MISSING).any():
                     found.append(PersonInstant(person.id, report, fit.velocities))
