@@ -135,6 +135,18 @@ def test_people_keep_their_ids_over_a_short_restart_of_the_node(absence, ids):
     assert dict(zip(last.ids.tolist(), gaps.argmin(axis=0).tolist())) == ids
 
 
+def test_constant_biases_of_the_detector_are_in_the_covariances():
+    skeleton = replace(CAPTURE.context.skeleton, bias_floors=(0.01,) * 19)
+    config = configure({"continuous": {"active": True, "rate_hz": 10.0}})["continuous"]
+    stages = [
+        make_stage("continuous", config, context)
+        for context in (CAPTURE.context, replace(CAPTURE.context, skeleton=skeleton))
+    ]
+    noise, whole = ([item for view in VIEWS[:60] for item in one.step(view).outputs][-1] for one in stages)
+    assert len(noise.ids) == 2
+    assert np.allclose(whole.covariances, noise.covariances + 1e-4 * np.eye(3))
+
+
 def test_subjects_outlast_a_pause_and_a_restart():
     config = configure({"continuous": {"active": True, "rate_hz": 10.0}})["continuous"]
     stage, other = (make_stage("continuous", config, CAPTURE.context) for _ in range(2))
