@@ -65,7 +65,8 @@ LEARN_EVERY_S = 0.15  # s between two times of learning
 FIRST_ROUNDS, EARLY_ROUNDS, ROUNDS = 8, 3, 1
 # s from the appearance of a person to its number: those who appear together are confirmed within it
 HOLD_S = 0.1
-HOLD_PERIODS = 2.0  # periods of a camera, lower limit of that time: each person needs five views
+# periods of a camera, lower limit of that time while others may appear: each person needs five views
+HOLD_PERIODS = 2.0
 # m per axis, standard deviation up to which a joint counts for the place of a person; others would move it
 CERTAIN = 0.03
 KEPT_DISTANCES = 500  # number of newest measurements of lengths that are kept
@@ -288,7 +289,10 @@ class OnlineMotion:
             if person.id < 0 and person.appeared is not None:
                 if time >= person.begin + TAIL_S or not self._may_be_of(person, person.appeared, known, time):
                     new.append((person, person.appeared))
-        hold = max(HOLD_S, HOLD_PERIODS * self._periods.typical)
+        settled = all(track.confirmed for track in self._tracker.active) and all(
+            person.appeared is not None for person in self._people.values()
+        )
+        hold = HOLD_S if settled else max(HOLD_S, HOLD_PERIODS * self._periods.typical)
         if time < min((came.time for p, came in new if not p.undecided), default=-np.inf) + hold:
             new = [(p, came) for p, came in new if p.undecided]
         if not new:
