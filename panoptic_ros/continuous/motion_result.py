@@ -13,6 +13,7 @@ from panoptic_ros.continuous.person import PersonCurve
 from panoptic_ros.continuous.reports import (
     JointReport,
     RayEvidence,
+    add_biases,
     add_calibration,
     joint_report,
     pose_set,
@@ -44,6 +45,7 @@ class ContinuousMotion:
         derived: Joints that are means of others, see `SkeletonModel`.
         notices: Faults of the recording.
         calibration: Errors of the rig's calibration; None = unknown.
+        bias_floors: see `SkeletonModel`.
     """
 
     people: tuple[PersonCurve, ...]
@@ -58,6 +60,7 @@ class ContinuousMotion:
     derived: tuple[tuple[int, tuple[int, ...]], ...] = ()
     notices: tuple[Notice, ...] = ()
     calibration: CalibrationErrors | None = None
+    bias_floors: tuple[float, ...] = ()
 
     def at_rate(self, rate: float) -> Array:
         """Return the instants (T,) ns k / rate after the first view, up to the last view.
@@ -100,6 +103,7 @@ class ContinuousMotion:
         positions, covariances = person.at(times), person.covariances_at(times)
         report = joint_report(times, positions, covariances, evidence, self.period, self.derived)
         add_calibration(report, times, evidence, self.period, self.derived, self.calibration)
+        add_biases(report, self.bias_floors)
         here = was_seen(times, person.seen) & (times < person.until)
         return here & (report.states != JointState.MISSING).any(axis=1), report
 

@@ -33,7 +33,14 @@ from panoptic_ros.continuous.problem import (
     LearntNoise,
     TrackRays,
 )
-from panoptic_ros.continuous.reports import JointReport, RayEvidence, add_calibration, joint_report, was_seen
+from panoptic_ros.continuous.reports import (
+    JointReport,
+    RayEvidence,
+    add_biases,
+    add_calibration,
+    joint_report,
+    was_seen,
+)
 from panoptic_ros.continuous.returns import DISTANCE, TAIL_S, ReturnSearch, SeenPerson
 from panoptic_ros.continuous.seen_views import SeenViews
 from panoptic_ros.domain import JointState, SkeletonModel
@@ -58,6 +65,8 @@ LEARN_EVERY_S = 0.15  # s between two times of learning
 FIRST_ROUNDS, EARLY_ROUNDS, ROUNDS = 8, 3, 1
 # s from the appearance of a person to its number: those who appear together are confirmed within it
 HOLD_S = 0.1
+# periods of a camera, lower limit of that time while others may appear: each person needs five views
+HOLD_PERIODS = 2.0
 # m per axis, standard deviation up to which a joint counts for the place of a person; others would move it
 CERTAIN = 0.03
 KEPT_DISTANCES = 500  # number of newest measurements of lengths that are kept
@@ -124,6 +133,7 @@ class OnlineMotion:
         self._memory, self._patience = config.memory, config.recognition_time
         self._bystanders = config.bystanders
         self._calibration = CalibrationErrors.of(arrays.cameras)
+        self._bias_floors = skeleton.bias_floors
         self._arrays, self._mirror = arrays, np.array(skeleton.mirror)
         self._pairs, self._derived = rigid_pairs(skeleton), skeleton.derived
         self._search = ReturnSearch(skeleton, self._pairs)
@@ -144,13 +154,19 @@ class OnlineMotion:
         self._lost: dict[int, SeenPerson] = {}  # people who may return, by id
         self.ids = PublicIds(subjects_of(config.subjects))
 
+    def succeed(self, earlier: OnlineMotion) -> None:
+        """Take over the ids of an earlier motion, whose people may return."""
+        self.ids, self._clock, self._newest = earlier.ids, earlier._clock, earlier._newest
+        people = [person for person in earlier._people.values() if person.id >= 0]
+        self._lost = earlier._lost | {person.id: earlier._lost_person(person) for person in people}
+
     def middle_delay(self, camera: int) -> float:
         """Return the time (s) from the timestamp of a camera's view to the exposure of its middle row."""
         return float(self._cameras.lines[camera] * self._cameras.middles[camera])
 
     def take(self, frame: CameraFrame, time: float) -> None:
         """Take one view; times (s), those of the middle rows, must not decrease."""
-        step = 0.0 if self._newest is None else time - self._newest
+        step = 0.0 if self._newest is None else max(time - self._newest, 0.0)
         self._clock += 0.0 if is_pause(step) else step
         self._newest = time
         self._periods.take(frame.camera, time)
@@ -226,6 +242,7 @@ class OnlineMotion:
                 when, kept = np.array([time]), (evidence, period, self._derived)
                 whole = joint_report(when, fit.positions[None], fit.covariances[None], *kept)
                 add_calibration(whole, when, *kept, self._calibration)
+                add_biases(whole, self._bias_floors)
                 report = whole.at(0)
                 if (report.states != JointState.MISSING).any():
                     found.append(PersonInstant(person.id, report, fit.velocities))
@@ -272,7 +289,11 @@ class OnlineMotion:
             if person.id < 0 and person.appeared is not None:
                 if time >= person.begin + TAIL_S or not self._may_be_of(person, person.appeared, known, time):
                     new.append((person, person.appeared))
-        if time < min((came.time for p, came in new if not p.undecided), default=-np.inf) + HOLD_S:
+        settled = all(track.confirmed for track in self._tracker.active) and all(
+            person.appeared is not None for person in self._people.values()
+        )
+        hold = HOLD_S if settled else max(HOLD_S, HOLD_PERIODS * self._periods.typical)
+        if time < min((came.time for p, came in new if not p.undecided), default=-np.inf) + hold:
             new = [(p, came) for p, came in new if p.undecided]
         if not new:
             return

@@ -130,6 +130,7 @@ class ContinuousPass:
             self._skeleton.derived,
             tuple(misfit_notices(ordered, times, tracks, self._rig.names)),
             CalibrationErrors.of(self._rig.cameras),
+            self._skeleton.bias_floors,
         )
         faults = clock_faults(ordered, times, [person for person, _ in people], self._arrays)
         return motion, faults, views_without(faults, ordered, times)

@@ -138,6 +138,16 @@ def add_calibration(
     report.covariances[...] += added.reshape(report.covariances.shape)
 
 
+def add_biases(report: JointReport, floors: Sequence[float]) -> None:
+    """Add the covariance of the detector's constant biases to a report, in place.
+
+    Args:
+        floors: (J,) m, see `SkeletonModel.bias_floors`; () = unknown.
+    """
+    if len(floors):
+        report.covariances[...] += np.square(floors)[:, None, None] * np.eye(3)
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 def time_order(starts, times):
     """Return the order (N,) of rays by joint and time."""

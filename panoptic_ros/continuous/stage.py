@@ -152,11 +152,12 @@ class ContinuousStage(Stateful):
         self._found: list[tuple[int, int]] = []  # new and earlier ids of subjects that are not reported yet
 
     def forget(self) -> None:
-        """Drop all views and people; ids, subjects and the index of instants continue."""
-        ids, index = self._motion.ids, self._index
+        """Drop all views. People may return; ids, subjects and the index of instants continue."""
+        motion, index, reference_ns = self._motion, self._index, self._reference_ns
         self.reset()
-        self._motion.ids, self._index = ids, index
-        ids.begun_ns = None
+        self._motion.succeed(motion)
+        self._index, self._reference_ns = index, reference_ns
+        self._motion.ids.begun_ns = None
 
     def lasting_state(self) -> bytes:
         """Return what matters after a pause: ids, subjects, the index (see `stage.LastingStateStage`)."""

@@ -20,7 +20,8 @@ from panoptic_ros.io.storages import is_storage
 from panoptic_ros.io.takes import OPEN, is_recorded_now, mark_saved, unclosed_takes
 
 MOST_NAMED = 3  # takes listed at the start of a run; `panoptic doctor` lists all
-FRAMES = ("skeletons.json.gz", "kinematics.json.gz")  # frame files beside the bag of a run
+# frame files beside the bag of a run
+FRAMES = ("skeletons.json.gz", "skeletons_at.json.gz", "kinematics.json.gz")
 
 
 @dataclass(frozen=True)

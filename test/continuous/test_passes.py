@@ -39,6 +39,17 @@ def test_motion_between_samples_of_cameras_that_never_expose_together():
     assert 0.9 < np.mean(inside) < 0.999
 
 
+def test_constant_biases_of_the_detector_are_in_the_covariances():
+    capture = FreeCapture(seconds=1.0)
+    floors = (0.01,) * len(free_cameras.captures.SKELETON)
+    motion = solved(capture)
+    (noise,) = motion.sets([START_NS + 500_000_000])
+    skeleton = replace(capture.context.skeleton, bias_floors=floors)
+    biased = ContinuousPass(ContinuousConfig(), replace(capture.context, skeleton=skeleton))
+    (item,) = biased.run(capture.recording, untold).sets([START_NS + 500_000_000])
+    assert np.allclose(item.covariances, noise.covariances + 1e-4 * np.eye(3))
+
+
 def test_velocities_are_those_of_the_motion():
     capture = FreeCapture(noise_px=0.3)
     motion = solved(capture)

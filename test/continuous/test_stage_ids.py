@@ -118,6 +118,35 @@ def test_a_newcomer_who_may_be_a_lost_person_is_reported_when_that_is_decided():
         assert first < 4.8 + patience
 
 
+@pytest.mark.parametrize(("absence", "ids"), [(1.5, {0: INNER, 1: OUTER}), (61.5, {2: OUTER, 3: INNER})])
+def test_people_keep_their_ids_over_a_short_restart_of_the_node(absence, ids):
+    config = configure({"continuous": {"active": True, "rate_hz": 10.0}})["continuous"]
+    stage, other = (make_stage("continuous", config, CAPTURE.context) for _ in range(2))
+    views = views_of(Sizes(seconds=4.5))
+    for view in views[:90]:  # 1.5 s
+        stage.step(view)
+        stage.settle()
+    other.begin(stage.lasting_state())
+    added_ns = round((absence - 1.5) * SECOND)
+    moved = [replace(view, stamp_ns=view.stamp_ns + added_ns) for view in views[180:]]
+    last = [item for view in moved for item in other.step(view).outputs][-1]
+    truth = CAPTURE.joints(1e-9 * (last.stamp_ns - added_ns - START_NS))
+    gaps = np.linalg.norm(truth[:, None] - last.positions[None], axis=-1).mean(axis=-1)
+    assert dict(zip(last.ids.tolist(), gaps.argmin(axis=0).tolist())) == ids
+
+
+def test_constant_biases_of_the_detector_are_in_the_covariances():
+    skeleton = replace(CAPTURE.context.skeleton, bias_floors=(0.01,) * 19)
+    config = configure({"continuous": {"active": True, "rate_hz": 10.0}})["continuous"]
+    stages = [
+        make_stage("continuous", config, context)
+        for context in (CAPTURE.context, replace(CAPTURE.context, skeleton=skeleton))
+    ]
+    noise, whole = ([item for view in VIEWS[:60] for item in one.step(view).outputs][-1] for one in stages)
+    assert len(noise.ids) == 2
+    assert np.allclose(whole.covariances, noise.covariances + 1e-4 * np.eye(3))
+
+
 def test_subjects_outlast_a_pause_and_a_restart():
     config = configure({"continuous": {"active": True, "rate_hz": 10.0}})["continuous"]
     stage, other = (make_stage("continuous", config, CAPTURE.context) for _ in range(2))

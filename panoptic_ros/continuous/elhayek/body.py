@@ -44,19 +44,6 @@ def skeleton_from(model: SegmentModel, names: Sequence[str], joints: Array) -> H
     return skeleton
 
 
-def misfits_of(skeleton: HingeSkeleton, names: Sequence[str], joints: Array) -> Array:
-    """Return the variances (J,) m^2 per axis of joints (T, J, 3) m about the skeleton at usable instants.
-
-    They state what constant bones and few degrees of freedom cannot follow.
-    """
-    chosen = _some(joints)
-    gaps = np.linalg.norm(skeleton.joints(first_poses(skeleton, names, chosen)) - chosen, axis=-1)
-    known = np.isfinite(gaps).any(axis=0)
-    misfits = np.zeros(len(names))
-    misfits[known] = np.nanmean(gaps[:, known] ** 2, axis=0) / 3.0
-    return misfits
-
-
 def _some(joints: Array) -> Array:
     """Return up to `INSTANTS` of the instants of joints (T, J, 3)."""
     chosen: Array = joints[np.linspace(0, len(joints) - 1, min(INSTANTS, len(joints))).round().astype(int)]

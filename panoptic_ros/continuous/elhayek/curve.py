@@ -14,6 +14,7 @@ from scipy.interpolate import make_lsq_spline
 from panoptic_ros.continuous.curves import KnotGrid
 from panoptic_ros.continuous.elhayek.polynomials import MotionFunction, basis
 from panoptic_ros.continuous.elhayek.skeleton import HingeSkeleton
+from panoptic_ros.continuous.misfits import local_misfits
 from panoptic_ros.continuous.person import PersonCurve
 from panoptic_ros.geometry.splines import DEGREE, control_points
 
@@ -24,13 +25,12 @@ PART = 256  # number of instants whose covariances are computed at once
 
 
 def person_curve(
-    person: PersonCurve, skeleton: HingeSkeleton, motion: MotionFunction, covariances: Array, misfits: Array
+    person: PersonCurve, skeleton: HingeSkeleton, motion: MotionFunction, covariances: Array
 ) -> PersonCurve:
     """Return the person with the joints of a motion function.
 
     Args:
         covariances: (G, D, L, D, L) of the coefficients of each segment.
-        misfits: (J,) m^2 per axis, variances of the joints about the skeleton.
     """
     first, last = float(motion.segments[0, 0]), float(motion.segments[-1, 1])
     step = float(motion.segments[0, 1] - motion.segments[0, 0]) / KNOTS
@@ -43,7 +43,9 @@ def person_curve(
     points[:, seen] = make_lsq_spline(times, joints[:, seen], knots, DEGREE).c
     parts = [at_knots[low : low + PART] for low in range(0, len(at_knots), PART)]
     spreads = np.concatenate([joint_covariances(skeleton, motion, covariances, part) for part in parts])
-    spreads += misfits[:, None, None] * np.eye(3)
+    places = skeleton.joints(motion.at(at_knots))[:, seen]
+    misfits = local_misfits(person, at_knots, seen, places, spreads[:, seen])
+    spreads[:, seen] += misfits[..., None, None] * np.eye(3)
     return replace(person, grid=grid, points=points, covariances=spreads)
 
 

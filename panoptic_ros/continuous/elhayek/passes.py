@@ -10,7 +10,7 @@ import numpy as np
 
 from panoptic_ros.continuous.config import ContinuousConfig
 from panoptic_ros.continuous.designated import designated, with_subject_id
-from panoptic_ros.continuous.elhayek.body import first_poses, misfits_of, skeleton_from, usable
+from panoptic_ros.continuous.elhayek.body import first_poses, skeleton_from, usable
 from panoptic_ros.continuous.elhayek.body_blobs import TimedBlobs, body_blobs, coloured
 from panoptic_ros.continuous.elhayek.curve import person_curve
 from panoptic_ros.continuous.elhayek.image_term import ImageMeasurements
@@ -159,8 +159,7 @@ class ElhayekPass:
         motion, covariances = track(
             skeleton, segments, known, measured, degree, lambda done: progress(done, "fitting segments")
         )
-        misfits = misfits_of(skeleton, names, person.at(good))
-        return person_curve(person, skeleton, motion, covariances, misfits)
+        return person_curve(person, skeleton, motion, covariances)
 
     def _coloured(
         self, person: PersonCurve, skeleton: HingeSkeleton, first: Array, images: Sequence[TimedBlobs]

@@ -10,6 +10,7 @@ from scipy.interpolate import make_lsq_spline
 
 from panoptic_ros.continuous.curves import KnotGrid
 from panoptic_ros.continuous.elhayek.skeleton import HingeSkeleton
+from panoptic_ros.continuous.misfits import local_misfits
 from panoptic_ros.continuous.person import CurveWindow, PersonCurve, window_limits
 from panoptic_ros.continuous.subjects.curves import FreedomFit, FreedomProblem
 from panoptic_ros.continuous.subjects.start import start_points
@@ -49,13 +50,10 @@ def fit_freedoms(
     return FreedomFit(points, covariances)
 
 
-def with_freedoms(
-    person: PersonCurve, skeleton: HingeSkeleton, fit: FreedomFit, misfits: Array
-) -> PersonCurve:
-    """Return the person with the joints of a skeleton; joints that the skeleton lacks stay as they are.
+def with_freedoms(person: PersonCurve, skeleton: HingeSkeleton, fit: FreedomFit) -> tuple[PersonCurve, Array]:
+    """Return the person with the joints of a skeleton, and the misfits, see `local_misfits`.
 
-    Args:
-        misfits: (J,) m^2 per axis, variances of the joints about the skeleton.
+    Joints that the skeleton lacks stay as they are.
     """
     coarse, seen = person.grid, skeleton.seen
     intervals = FINER * (coarse.number - DEGREE)
@@ -67,10 +65,13 @@ def with_freedoms(
     joints[:, seen] = skeleton.joints(freedoms(times))[:, seen]
     knots = grid.origin + grid.step * np.arange(-DEGREE, grid.number + 1)
     at_knots = coarse.origin + coarse.step * np.arange(coarse.number - DEGREE + 1)
-    _, slopes = skeleton.moved(freedoms(at_knots), skeleton.site_segments[seen], skeleton.site_offsets[seen])
+    places, slopes = skeleton.moved(
+        freedoms(at_knots), skeleton.site_segments[seen], skeleton.site_offsets[seen]
+    )
+    own = slopes @ fit.covariances[:, None] @ slopes.swapaxes(-1, -2)
+    misfits = local_misfits(person, at_knots, seen, places, own)
     spreads = person.covariances.copy()
-    spreads[:, seen] = slopes @ fit.covariances[:, None] @ slopes.swapaxes(-1, -2)
-    spreads[:, seen] += misfits[seen, None, None] * np.eye(3)
+    spreads[:, seen] = own + misfits[..., None, None] * np.eye(3)
     finer = replace(person, grid=grid, points=make_lsq_spline(times, joints, knots, DEGREE).c)
     middles = grid.origin + grid.step * np.arange(intervals + 1)
-    return replace(finer, covariances=replace(person, covariances=spreads).covariances_at(middles))
+    return replace(finer, covariances=replace(person, covariances=spreads).covariances_at(middles)), misfits

@@ -8,7 +8,7 @@ import numpy as np
 
 from panoptic_ros.continuous.config import ContinuousConfig
 from panoptic_ros.continuous.designated import designated, with_subject_id
-from panoptic_ros.continuous.elhayek.body import misfits_of, skeleton_from
+from panoptic_ros.continuous.elhayek.body import skeleton_from
 from panoptic_ros.continuous.elhayek.skeleton import skeleton_of
 from panoptic_ros.continuous.motion_result import ContinuousMotion
 from panoptic_ros.continuous.passes import ContinuousPass
@@ -65,7 +65,7 @@ class SubjectPass:
 
     def _told(self, misfits: Array) -> list[Notice]:
         """Return a notice if the bones of the file do not fit the person."""
-        miss = float(np.sqrt(3.0 * misfits[misfits > 0.0].mean()))
+        miss = float(np.sqrt(3.0 * misfits.mean()))
         if miss < WIDEST_MISFIT:
             return []
         text = (
@@ -75,7 +75,7 @@ class SubjectPass:
         return [Notice("subject.misfit", "warning", text)]
 
     def _fitted(self, person: PersonCurve) -> tuple[PersonCurve, Array]:
-        """Return a person with curves of joint angles, and the variances (J,) m^2 about its skeleton."""
+        """Return a person with curves of joint angles, and the misfits of its skeleton."""
         instants = usable_instants(person, self._names)
         joints = certain_joints(person, instants)
         if self._subject.measured:
@@ -83,5 +83,5 @@ class SubjectPass:
         else:
             skeleton = skeleton_from(self._model, self._names, joints)
         fit = fit_freedoms(person, skeleton, self._names, instants, self._arrays)
-        misfits = misfits_of(skeleton, self._names, joints)
-        return with_freedoms(person, skeleton, fit, misfits).with_derived(self._derived), misfits
+        fitted, misfits = with_freedoms(person, skeleton, fit)
+        return fitted.with_derived(self._derived), misfits

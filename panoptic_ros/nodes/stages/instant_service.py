@@ -10,6 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from rclpy.qos import QoSProfile
+
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.messages import MessageFamily, to_message
 from panoptic_ros.io.messages.family import time_ns
@@ -19,6 +21,8 @@ from panoptic_ros.nodes.middleware.runtime import OneShot, quiet_once
 from panoptic_ros.stage import InstantRange, RequestStage
 
 MOST_WAITING = 64  # requests that may wait at the same time
+# requests and answers in the middleware's queues; with ROS's default of 10, requests at one time are lost
+QUEUED = 4 * MOST_WAITING
 LONGEST_S = 60.0  # s, longest patience
 
 
@@ -62,10 +66,13 @@ class InstantService:
         self._node, self._stage, self._urge, self._frame_id = node, stage, urge, frame_id
         self._kind = service_class(kind)
         self._waiting: list[_Request] = []
+        self._timers = 0  # timers of requests that have no answer yet; used on the executor only
         self._closed = False
         # rclpy passes what the callback returns to `send_response`, with the header of the request. Executors
         # cannot wait for an answer, so the request is returned, and the answer is sent later.
-        self._service = node.create_service(self._kind, name, lambda request, response: request)
+        self._service = node.create_service(
+            self._kind, name, lambda request, response: request, qos_profile=QoSProfile(depth=QUEUED)
+        )
         self._send = self._service.send_response
         service: Any = self._service
         service.send_response = self._asked
@@ -90,8 +97,11 @@ class InstantService:
             self._refuse(header, str(error), InstantRange(0, -1))
             return
         patience_s = request.patience.sec + 1e-9 * request.patience.nanosec
+        if self._timers == MOST_WAITING:
+            patience_s = 0.0
         taken = _Request(stamp_ns, min(patience_s, LONGEST_S), header)
         if taken.patience_s > 0.0:
+            self._timers += 1
             taken.timer = OneShot(self._node, taken.patience_s, lambda: self._urge(lambda: self._over(taken)))
         self._urge(lambda: self._begin(taken))
 
@@ -100,7 +110,7 @@ class InstantService:
         complete = stage.has_all_of(request.stamp_ns)
         instants = stage.instants()
         too_old = instants.newest_ns >= instants.oldest_ns > request.stamp_ns
-        if complete or too_old or request.timer is None or len(self._waiting) >= MOST_WAITING:
+        if complete or too_old or request.timer is None:
             self._end(request)
         else:
             self._waiting.append(request)
@@ -124,7 +134,11 @@ class InstantService:
             self._refuse(request.header, _why(request, instants), instants)
         executor = self._node.executor
         if request.timer is not None and executor is not None:
-            executor.create_task(request.timer.cancel)  # timers belong to the thread of the executor
+            executor.create_task(self._release, request.timer)  # timers belong to the executor's thread
+
+    def _release(self, timer: OneShot) -> None:
+        timer.cancel()
+        self._timers -= 1
 
     # ------------------------------------------------------------------ answers
 

@@ -32,9 +32,20 @@ from panoptic_ros.view.body_drawing import DrawnBody, drawn_bodies
 KEPT_LIVE = 3600  # instants that the report of a live run covers, as the run has no end; 2 min
 KEPT_FREE = 2_000_000  # bytes that a live take leaves free on the disk, for the index of its bag (one hour)
 BAG, SKELETONS, BODIES, CLOCKS = RESULT_BAG, "skeletons.json.gz", "kinematics.json.gz", "offsets.json"
-REPAIRED = "rig_repaired.json"
+REPAIRED, SKELETONS_AT = "rig_repaired.json", "skeletons_at.json.gz"
 # files and folders that a run writes before its end
-MADE = (BAG, SKELETONS, BODIES, CLOCKS, REPAIRED, "rig.json", "launch.json", "occluders.json", "logs")
+MADE = (
+    BAG,
+    SKELETONS,
+    SKELETONS_AT,
+    BODIES,
+    CLOCKS,
+    REPAIRED,
+    "rig.json",
+    "launch.json",
+    "occluders.json",
+    "logs",
+)
 
 
 class BagSink(Protocol):
@@ -136,8 +147,8 @@ def check_record(plan: Plan, key: str, owner: str, record: Any) -> None:
 class Results:
     """Receiver of the records of a run.
 
-    Records go to the bag and to skeletons.json.gz at once. Input of the report is kept until the end; in a
-    live run, only the newest `KEPT_LIVE` instants are kept.
+    Records go to the bag and to the files of frames (e.g. skeletons.json.gz) at once. Input of the report is
+    kept until the end; in a live run, only the newest `KEPT_LIVE` instants are kept.
 
     The object is a context manager. A normal exit closes all files. An exit by an error discards the results
     of a recording, but closes those of a live take.
@@ -161,8 +172,12 @@ class Results:
         self.views: dict[str, deque[ViewDetections]] = {name: deque(maxlen=kept) for name in plan.rig.names}
         self.frames_in = dict.fromkeys(plan.rig.names, 0)
         self._skeletons = SkeletonStream(folder / SKELETONS, plan.skeleton.joint_names)
+        self._streams: dict[str, SkeletonStream | BodyStream] = {"skeletons": self._skeletons}
+        if is_kept(plan.configs, "skeletons_at"):
+            self._streams["skeletons_at"] = SkeletonStream(folder / SKELETONS_AT, plan.skeleton.joint_names)
         model = plan.extras.get("segments")
-        self._bodies = None if model is None else BodyStream(folder / BODIES, model)
+        if model is not None:
+            self._streams["bodies"] = BodyStream(folder / BODIES, model)
         self.bodies = BodyTally()
         self.drawn: deque[DrawnBody] = deque(maxlen=kept if pictures else 0)
         self.clocks: dict[str, ClockModel] = {}  # newest model of every clock that was found
@@ -195,13 +210,12 @@ class Results:
             self.frames_in[record.camera] += 1
         elif key == "skeletons":
             self._write_markers(record)
-            self._skeletons.take(record)
             self.poses.append(record)
         elif key == "bodies":
             self.bodies.add(record)
             self.drawn.extend(drawn_bodies(record))
-            if self._bodies is not None:
-                self._bodies.take(record)
+        if key in self._streams:
+            self._streams[key].take(record)
         self._on_record(key, record)
 
     def _keep(self, key: str, record: Any) -> None:
@@ -243,16 +257,14 @@ class Results:
             stack.callback(self._write_clocks)
             if self.repaired is not None:
                 stack.callback(write_rig, self.folder / REPAIRED, self.repaired)
-            if self._bodies is not None:
-                stack.callback(self._bodies.close)
-            stack.callback(self._skeletons.close)
+            for stream in reversed(self._streams.values()):
+                stack.callback(stream.close)
             stack.callback(self._bag.close)
 
     def _sync(self) -> None:
         """Write the files beside the bag of a live take to the disk."""
-        self._skeletons.sync()
-        if self._bodies is not None:
-            self._bodies.sync()
+        for stream in self._streams.values():
+            stream.sync()
 
     def _write_clocks(self) -> None:
         found = {name: model for name, model in self.clocks.items() if name in self.views}
@@ -270,9 +282,8 @@ class Results:
             self.close()
         else:
             self._bag.discard()
-            self._skeletons.discard()
-            if self._bodies is not None:
-                self._bodies.discard()
+            for stream in self._streams.values():
+                stream.discard()
 
     def _start(self, stamp_ns: int) -> None:
         """Write the latched records (rig and skeleton model) to the bag, before any other record."""

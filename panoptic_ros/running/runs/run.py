@@ -25,7 +25,7 @@ from panoptic_ros.running.runs.finish import draw, finish, grouped_views
 from panoptic_ros.running.runs.in_process import OfflineResults, run_in_process
 from panoptic_ros.running.runs.launch import without_patch_inputs
 from panoptic_ros.running.runs.result_folder import LiveFolder, files_below, open_live_folder, result_folder
-from panoptic_ros.running.runs.results import BAG, MADE, Results
+from panoptic_ros.running.runs.results import BAG, MADE, SKELETONS_AT, Results, is_kept
 from panoptic_ros.running.runs.startup_check import StartupCheck
 from panoptic_ros.stage import Notice
 from panoptic_ros.view.report import RunReport
@@ -126,7 +126,7 @@ def run(
         notices = (*told, *watch.check.judge())
         elapsed_s = time.monotonic() - started
         sets = grouped_views(plan, results)
-        notices += _hint(sets, Path(out))
+        notices += _hint(plan.configs, sets, Path(out))
         report = finish(plan, results, counted, notices, sets, elapsed_s=elapsed_s)
         if pictures:
             draw(plan, results, sets, observer.drew)
@@ -278,7 +278,7 @@ def _report_live(
         notices = (*told, *watch.check.judge())
         elapsed_s = time.monotonic() - started
         sets = grouped_views(plan, results)
-        notices += _hint(sets, results.folder)
+        notices += _hint(plan.configs, sets, results.folder)
         report = finish(plan, results, counted, notices, sets, elapsed_s=elapsed_s)
         report.write(results.folder / MARK)
         if how.pictures:
@@ -294,17 +294,19 @@ def _report_live(
     return report, troubles
 
 
-def _hint(sets: Sequence[DetectionSet], out: Path) -> tuple[Notice, ...]:
+def _hint(configs: Mapping[str, Any], sets: Sequence[DetectionSet], out: Path) -> tuple[Notice, ...]:
     """Return a notice if another command suits the cameras better.
 
     Args:
+        configs: parameters of the stages.
         out: folder of the results.
     """
     found = free_running(sets)
     if found is None:
         return ()
-    command = f"panoptic continuous --bag {out / BAG} --out {out / 'continuous.json.gz'}"
-    return (Notice("run.free_running", "warning", f"{found}; use `{command}`"),)
+    command = f"`panoptic continuous --bag {out / BAG} --out {out / 'continuous.json.gz'}`"
+    given = f"{out / SKELETONS_AT} or " if is_kept(configs, "skeletons_at") else ""
+    return (Notice("run.free_running", "warning", f"{found}; use {given}{command}"),)
 
 
 def _told(error: BaseException) -> PanopticError | None:

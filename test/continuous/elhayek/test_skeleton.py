@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hinged_people import MODEL, NAMES, SKELETONS, freedoms
 
-from panoptic_ros.continuous.elhayek.body import first_poses, misfits_of, skeleton_from, usable
+from panoptic_ros.continuous.elhayek.body import first_poses, skeleton_from, usable
 from panoptic_ros.errors import DataError
 
 TIMES = np.linspace(0.0, 3.0, 60)
@@ -44,7 +44,6 @@ def test_lengths_are_those_of_the_person():
     for name in ("lForearm", "rHand", "lShin", "rFoot"):
         s = MODEL.index(name)
         assert np.linalg.norm(found.offsets[s]) == pytest.approx(np.linalg.norm(body.offsets[s]), abs=5e-3)
-    assert np.sqrt(misfits_of(found, NAMES, joints)).mean() == pytest.approx(0.004, abs=0.0015)
 
 
 def test_instants_without_hips_or_with_few_joints_are_not_usable():

@@ -7,11 +7,14 @@ from spinning import spin_until
 
 rclpy = pytest.importorskip("rclpy")
 
+from rclpy.qos import QoSProfile  # noqa: E402
+
 from panoptic_ros.graph.topics import TOPICS  # noqa: E402
 from panoptic_ros.io.messages import from_message, to_message  # noqa: E402
 from panoptic_ros.io.messages.family import time_ns  # noqa: E402
 from panoptic_ros.nodes.middleware.family import message_class, ros_messages, service_class  # noqa: E402
 from panoptic_ros.nodes.sources.statics_node import StaticsNode  # noqa: E402
+from panoptic_ros.nodes.stages.instant_service import MOST_WAITING  # noqa: E402
 from panoptic_ros.nodes.stages.stage_node import StageNode  # noqa: E402
 
 pytestmark = pytest.mark.ros
@@ -33,7 +36,8 @@ class Caller:
             for name in CAPTURE.rig.names
         }
         self.kind = service_class("panoptic_msgs/srv/SkeletonsAt")
-        self.client = self.node.create_client(self.kind, "skeletons_at")
+        many = QoSProfile(depth=4 * MOST_WAITING)
+        self.client = self.node.create_client(self.kind, "skeletons_at", qos_profile=many)
         self.sent = 0
 
     def play(self, until_ns):
@@ -94,4 +98,11 @@ def test_answers_waits_and_refusals(executor):
 
     old = caller.answer(caller.ask(START_NS + 10_000_000, 9.0))  # refused at once
     assert not old.ok and "before the oldest instant" in old.reason
+
+    many = [caller.ask(time_ns(old.newest) - 1_000_000 * k) for k in range(40)]  # at once
+    assert all(caller.answer(one).ok for one in many)
+    new = time_ns(old.newest) + SECOND
+    too_many = [caller.answer(one) for one in [caller.ask(new, 1.0) for _ in range(MOST_WAITING + 9)]]
+    reasons = [one.reason.partition("; ")[2] for one in too_many]
+    assert reasons == ["waited for 1 s"] * MOST_WAITING + ["waited for 0 s"] * 9
     assert node.healthy

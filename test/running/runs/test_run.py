@@ -13,7 +13,9 @@ from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.messages import from_message
+from panoptic_ros.io.plain_formats import read_skeletons
 from panoptic_ros.io.rigs import write_rig
+from panoptic_ros.running.evaluate import evaluate
 from panoptic_ros.running.plans.bag_plan import plan_bags
 from panoptic_ros.running.plans.bag_topics import BagChoice
 from panoptic_ros.running.plans.options import RunOptions
@@ -94,12 +96,16 @@ def test_results_keep_previews_of_images(bag, tmp_path):
     assert len(previews) == 10 and {preview.camera for preview in previews} == {captures.RIG.names[0]}
 
 
+def slow_views_in_turn():
+    return [
+        captures.view(camera, k, round(1e8 * (k + 0.25 * c)))
+        for k in range(15)
+        for c, camera in enumerate(captures.RIG.cameras)
+    ]
+
+
 def test_slow_cameras_in_turn_are_told_the_command_once(tmp_path, capfd):
-    views = []
-    for k in range(15):
-        for c, camera in enumerate(captures.RIG.cameras):
-            views.append(captures.view(camera, k, round(1e8 * (k + 0.25 * c))))
-    bag = write_bag(tmp_path / "bag", views)
+    bag = write_bag(tmp_path / "bag", slow_views_in_turn())
     outcome = run(plan_bags([bag]), tmp_path / "out", in_process=True, pictures=False)
     (text,) = [notice.text for notice in outcome.report.notices if "continuous" in notice.text]
     out = tmp_path / "out"
@@ -108,6 +114,22 @@ def test_slow_cameras_in_turn_are_told_the_command_once(tmp_path, capfd):
     assert outcome.report.table().count("panoptic continuous") == 1 and capfd.readouterr() == ("", "")
     command = ["continuous", "--bag", str(out / "bag"), "--out", str(out / "continuous.json.gz")]
     assert main(command) == 0
+
+
+def test_people_at_any_instant_are_in_a_file_that_evaluate_compares(tmp_path):
+    bag, out = write_bag(tmp_path / "bag", slow_views_in_turn()), tmp_path / "out"
+    plan = plan_bags([bag], RunOptions(parameters={"continuous": {"active": True, "rate_hz": 10.0}}))
+    outcome = run(plan, out, in_process=True, pictures=False)
+    (text,) = [notice.text for notice in outcome.report.notices if "continuous" in notice.text]
+    assert f"use {out}/skeletons_at.json.gz or `panoptic continuous" in text
+    assert "skeletons_at.json.gz" in outcome.report.files
+    frames = read_skeletons(out / "skeletons_at.json.gz").frames
+    with BagReader(out / "bag") as kept:
+        sets = [from_message(said, "RefinedPoseSet") for _, _, said in kept.messages("/skeletons_at")]
+    assert [frame.stamp_ns for frame in frames] == [item.stamp_ns for item in sets]
+    assert [frame.ids.tolist() for frame in frames] == [item.ids.tolist() for item in sets]
+    scores = evaluate(out / "skeletons.json.gz", out / "skeletons_at.json.gz").values
+    assert scores["same_ids"] == 1.0 and scores["person_recall"] > 0.6
 
 
 def test_fast_cameras_are_not(bag, tmp_path):
