@@ -92,7 +92,10 @@ def check_scores(record: Any, name: str, scores: Array) -> None:
         DataError: otherwise.
     """
     if scores.size and not (scores.min() >= 0.0 and scores.max() <= 1.0):
-        raise DataError(f"{type(record).__name__}.{name} has scores outside of 0..1, or NaN")
+        wrong = scores.ravel()[int(np.argmax(~((scores >= 0.0) & (scores <= 1.0))))]
+        raise DataError(
+            f"{type(record).__name__}.{name} has the score {wrong:g}, outside of 0..1; scale scores to 0..1"
+        )
 
 
 def check_missing(record: Any, name: str, values: Array, scores: Array) -> None:

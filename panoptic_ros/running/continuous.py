@@ -218,8 +218,8 @@ def read_instants(path: Path) -> Array:
                 stamp = np.int64(-1)
             if stamp < 0:
                 raise DataError(
-                    f"{path}, line {rows.line_num}: {COLUMN} = {shown(text)} is not an integer number of ns, "
-                    "0 or more"
+                    f"{path}, line {rows.line_num}: {COLUMN} = {shown(text)} is not an integer number of ns "
+                    "from 0 to 2^63 - 1"
                 )
             stamps.append(stamp)
     if not stamps:

@@ -227,7 +227,8 @@ def test_images_go_through_the_detector_or_name_what_is_missing(
         ("stamp_ns\nnoon\n", "line 2: stamp_ns = 'noon'"),
         ("a,stamp_ns\n1,2\n3\n", "line 3: stamp_ns = None"),
         (f"stamp_ns\n{10**30}\n", "line 2: stamp_ns = '1000"),
-        ("stamp_ns\n5\n-5\n", "line 3: stamp_ns = '-5' is not an integer number of ns, 0 or more"),
+        ("stamp_ns\n5\n-5\n", "line 3: stamp_ns = '-5' is not an integer number of ns from 0 to"),
+        ("stamp_ns\n99999999999999999999\n", "9' is not an integer number of ns from 0 to 2^63 - 1"),
         ("stamp_ns\n1\n2\n", "all 2 instants of --at are outside of the recording, 10000125"),
     ],
 )
