@@ -87,6 +87,11 @@ def test_bad_view_is_refused(bad):
         view(**bad)
 
 
+def test_a_score_that_is_no_share_is_named():
+    with pytest.raises(DataError, match=r"ViewDetections.scores has the score 97, outside of 0..1; scale"):
+        view(scores=(97.0,))
+
+
 def test_set_refuses_a_camera_twice_and_mixed_skeletons():
     with pytest.raises(DataError, match="twice"):
         DetectionSet(0, 1, "h", (view(), view()))
