@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.continuous.appearance import TOGETHER, FirstAppearance, well_shown
 from panoptic_ros.continuous.bones import (
     LearntLengths,
     PairDistances,
@@ -21,7 +20,7 @@ from panoptic_ros.continuous.config import ContinuousStageConfig
 from panoptic_ros.continuous.curves import ORDER, KnotGrid
 from panoptic_ros.continuous.follow import ViewTrack, ViewTracker
 from panoptic_ros.continuous.instant import CameraRows, InstantFit, fit_instant, window_rays
-from panoptic_ros.continuous.motion import JointFilters, predict
+from panoptic_ros.continuous.motion import predict
 from panoptic_ros.continuous.periods import CameraPeriods
 from panoptic_ros.continuous.problem import (
     CAUCHY,
@@ -34,7 +33,7 @@ from panoptic_ros.continuous.problem import (
     TrackRays,
 )
 from panoptic_ros.continuous.reports import JointReport, RayEvidence, add_calibration, joint_report, was_seen
-from panoptic_ros.continuous.returns import DISTANCE, TAIL_S, ReturnSearch, SeenPerson
+from panoptic_ros.continuous.returns import DISTANCE, TAIL_S, TOGETHER, ReturnSearch, SeenPerson
 from panoptic_ros.continuous.seen_views import SeenViews
 from panoptic_ros.domain import JointState, SkeletonModel
 from panoptic_ros.domain.of_all import joined
@@ -88,27 +87,24 @@ class OnlinePerson:
         id: Number of the person; -1 = not numbered yet, such people are not reported.
         track: Filters, and the 2D people of the kept views.
         seen: The same views as arrays.
-        begin, begin_watched: Time of the first view, s, and the same on the clock without pauses.
-        last_watched: Time of the newest view on that clock, s.
+        last_watched: Time of the newest view on the clock without pauses, s.
         learnt_at: Time of the newest learning, s.
         noise: Learnt noise and stiffness. None before the first learning.
         distances: Newest measurements of the lengths.
         bones: Learnt lengths. None before there are enough measurements.
-        appeared: FirstAppearance; None = the person was never in the capture space, and is not reported.
+        appeared: The person as it appeared. None = it was never in the capture space, and is not reported.
         undecided: Whether the person may be one who was lost long ago, see `identity.likeness.WAIT`.
     """
 
     id: int
     track: ViewTrack
     seen: SeenViews
-    begin: float
-    begin_watched: float
     last_watched: float
     learnt_at: float = -np.inf
     noise: LearntNoise | None = None
     distances: PairDistances | None = None
     bones: LearntLengths | None = None
-    appeared: FirstAppearance | None = None
+    appeared: SeenPerson | None = None
     undecided: bool = False
 
 
@@ -167,7 +163,7 @@ class OnlineMotion:
             track.keep(oldest)
             if track.confirmed:
                 if track.number not in self._people:
-                    self._people[track.number] = self._new_person(track, time)
+                    self._people[track.number] = OnlinePerson(-1, track, self._seen(track, 0), self._clock)
                 person = self._people[track.number]
                 self._update(person, oldest)
                 if track.last == time:
@@ -253,12 +249,9 @@ class OnlineMotion:
         """Return a person as last seen."""
         filters = person.track.filters.copy()
         predict(filters, person.track.last - person.track.time)
+        place = numbering_places(filters.states[None, :, 0])[0]
         lengths = self._search.bone_lengths(person.bones)
-        return SeenPerson(person.track.last, person.last_watched, _place(filters), *lengths)
-
-    def _new_person(self, track: ViewTrack, time: float) -> OnlinePerson:
-        begin = self._times[track.entries[0].frame]
-        return OnlinePerson(-1, track, self._seen(track, 0), begin, self._clock - (time - begin), self._clock)
+        return SeenPerson(person.track.last, person.last_watched, place, *lengths)
 
     def _number_people(self, time: float) -> None:
         """Number the people who have appeared, at a time (s): those who were lost, and then new ones.
@@ -270,8 +263,9 @@ class OnlineMotion:
         new = []
         for person in self._people.values():
             if person.id < 0 and person.appeared is not None:
-                if time >= person.begin + TAIL_S or not self._may_be_of(person, person.appeared, known, time):
-                    new.append((person, person.appeared))
+                came = person.appeared
+                if time >= came.time + TAIL_S or not self._may_be_of(person, came, known, time):
+                    new.append((person, came))
         if time < min((came.time for p, came in new if not p.undecided), default=-np.inf) + HOLD_S:
             new = [(p, came) for p, came in new if p.undecided]
         if not new:
@@ -280,14 +274,18 @@ class OnlineMotion:
         lost = dict(self._lost)
         for number, one in unseen.items():
             lost[number] = self._lost_person(one)._replace(place=self._place_at(one, begin))
-        firsts = [self._first_seen(p, came) for p, came in new]
+        firsts = [
+            came if p.bones is None else came._replace(**self._search.bone_lengths(p.bones)._asdict())
+            for p, came in new
+        ]
         possible = np.ones((len(lost), len(new)), bool)
         for row, (number, away) in enumerate(lost.items()):
-            for k, (p, _) in enumerate(new):
+            for k, (p, came) in enumerate(new):
                 shared = number in unseen and _share_view(p, unseen[number])
-                kept = self._is_remembered(number, away, p.begin_watched - self._memory)
-                possible[row, k] = kept and away.time < p.begin + TAIL_S and not shared
-        seconds = np.array([time - p.begin for p, _ in new])
+                possible[row, k] = not shared and self._is_remembered(
+                    number, away, came.watched - self._memory
+                )
+        seconds = np.array([time - came.time for _, came in new])
         found = self._search.returned(list(lost.values()), firsts, possible, seconds, self._patience)
         for k, row in enumerate(found.tolist()):
             new[k][0].undecided = row == WAIT
@@ -306,7 +304,7 @@ class OnlineMotion:
             new[row][0].id = self.ids.new()
 
     def _may_be_of(
-        self, person: OnlinePerson, came: FirstAppearance, others: Sequence[OnlinePerson], time: float
+        self, person: OnlinePerson, came: SeenPerson, others: Sequence[OnlinePerson], time: float
     ) -> bool:
         """Return whether a person may be one of others, seen at a time (s): near, and in no common view.
 
@@ -323,16 +321,6 @@ class OnlineMotion:
         """Return the place (2,) m of a person at a time (s), at the latest that of the last view."""
         assert person.noise is not None  # it is learnt before people appear
         return certain_place(self._fit(person, person.noise, min(time, person.track.last)))
-
-    def _first_seen(self, person: OnlinePerson, came: FirstAppearance) -> SeenPerson:
-        """Return a person as it appeared, with bones as known now."""
-        assert person.noise is not None
-        if person.bones is not None:
-            lengths = self._search.bone_lengths(person.bones)
-        else:
-            fit = self._fit(person, person.noise, came.time)
-            lengths = self._search.instant_lengths(fit.positions, fit.covariances)
-        return SeenPerson(person.begin, person.begin_watched, came.place, *lengths)
 
     def _seen(self, track: ViewTrack, first: int) -> SeenViews:
         """Return the views of a track from frame number `first` on."""
@@ -364,6 +352,7 @@ class OnlineMotion:
             for _ in range(EARLY_ROUNDS if early else ROUNDS):
                 fit = problem.fit()
                 problem.learn(fit, problem.compare(fit))
+        first = person.noise is None
         person.noise = problem.learnt
         since = max(person.learnt_at, origin)
         new = pair_distances(problem, fit, self._pairs, since)
@@ -371,12 +360,16 @@ class OnlineMotion:
             new = PairDistances(*(np.concatenate(both, axis=1) for both in zip(person.distances, new)))
         person.distances = PairDistances(*(part[:, -KEPT_DISTANCES:] for part in new))
         person.learnt_at = person.track.last
-        person.appeared = person.appeared or self._appearance(person, problem.learnt, since)
+        person.appeared = person.appeared or self._appearance(person, problem.learnt, first)
         if person.distances.lengths.shape[1] >= LEAST_DISTANCES:
             person.bones = learn_lengths(person.distances)
 
-    def _appearance(self, person: OnlinePerson, noise: LearntNoise, since: float) -> FirstAppearance | None:
-        """Return the appearance of a person who is in the capture space now and was not at a time (s)."""
+    def _appearance(self, person: OnlinePerson, noise: LearntNoise, first: bool) -> SeenPerson | None:
+        """Return a person who is in the capture space now and was not before, as it appeared.
+
+        Args:
+            first: the person was never tested, so that it has appeared at its first view.
+        """
         track, seen, period = person.track, person.seen, self._periods.typical
         inside = are_inside(
             np.array([track.time]),
@@ -389,11 +382,11 @@ class OnlineMotion:
         )
         if not inside[0]:
             return None
-        shown = seen.times[well_shown(seen, period) & (seen.times >= since)]
-        time = float(shown[0]) if len(shown) else track.last
-        if since < person.begin + 0.5 * period:  # the first views of a new track may be missing
-            time = person.begin
-        return FirstAppearance(time, certain_place(self._fit(person, noise, time)))
+        time = float(seen.times[0]) if first else track.last
+        watched = self._clock - (track.time - time)
+        fit = self._fit(person, noise, time)
+        lengths = self._search.instant_lengths(fit.positions, fit.covariances)
+        return SeenPerson(time, watched, certain_place(fit), *lengths)
 
     def _fit(self, person: OnlinePerson, noise: LearntNoise, time: float) -> InstantFit:
         """Return the joints of a person at a time (s)."""
@@ -429,10 +422,4 @@ def certain_place(fit: InstantFit) -> Array:
     sigmas = np.sqrt(np.trace(fit.covariances, axis1=-2, axis2=-1) / 3.0)
     sure = sigmas <= max(CERTAIN, float(sigmas.min()))
     place: Array = numbering_places(fit.positions[None, sure])[0]
-    return place
-
-
-def _place(filters: JointFilters) -> Array:
-    """Return the place (2,) m of a person on the ground."""
-    place: Array = np.nanmedian(filters.states[:, 0, :2], axis=0)
     return place
