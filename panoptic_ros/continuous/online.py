@@ -92,7 +92,7 @@ class OnlinePerson:
         noise: Learnt noise and stiffness. None before the first learning.
         distances: Newest measurements of the lengths.
         bones: Learnt lengths. None before there are enough measurements.
-        appeared: The person as it appeared. None = it was never in the capture space, and is not reported.
+        appeared: Time of appearance, s. Infinite = it was never in the capture space, and is not reported.
         undecided: Whether the person may be one who was lost long ago, see `identity.likeness.WAIT`.
     """
 
@@ -104,7 +104,7 @@ class OnlinePerson:
     noise: LearntNoise | None = None
     distances: PairDistances | None = None
     bones: LearntLengths | None = None
-    appeared: SeenPerson | None = None
+    appeared: float = np.inf
     undecided: bool = False
 
 
@@ -211,7 +211,7 @@ class OnlineMotion:
         people = list(self._people.values())
         reported = self.ids.are_reported(np.array([person.id for person in people]), self._bystanders)
         for person in (people[row] for row in np.flatnonzero(reported)):
-            if person.noise is None or person.appeared is None or person.id < 0:
+            if person.noise is None or person.id < 0:
                 continue
             if was_seen(np.array([time]), person.seen.times)[0]:
                 fit = self._fit(person, person.noise, time)
@@ -260,35 +260,27 @@ class OnlineMotion:
         """
         known = [p for p in self._people.values() if p.id >= 0]
         unseen = {p.id: p for p in known if p.track.last < time - HOLD_S}
-        new = []
-        for person in self._people.values():
-            if person.id < 0 and person.appeared is not None:
-                came = person.appeared
-                if time >= came.time + TAIL_S or not self._may_be_of(person, came, known, time):
-                    new.append((person, came))
-        if time < min((came.time for p, came in new if not p.undecided), default=-np.inf) + HOLD_S:
-            new = [(p, came) for p, came in new if p.undecided]
+        new = [p for p in self._people.values() if p.id < 0 and p.appeared <= time]
+        new = [p for p in new if time >= p.appeared + TAIL_S or not self._may_be_of(p, known, time)]
+        if time < min((p.appeared for p in new if not p.undecided), default=-np.inf) + HOLD_S:
+            new = [p for p in new if p.undecided]
         if not new:
             return
-        begin = min(came.time for _, came in new)
+        begin = min(p.appeared for p in new)
         lost = dict(self._lost)
         for number, one in unseen.items():
             lost[number] = self._lost_person(one)._replace(place=self._place_at(one, begin))
-        firsts = [
-            came if p.bones is None else came._replace(**self._search.bone_lengths(p.bones)._asdict())
-            for p, came in new
-        ]
+        firsts = [self._first_seen(p, time) for p in new]
         possible = np.ones((len(lost), len(new)), bool)
         for row, (number, away) in enumerate(lost.items()):
-            for k, (p, came) in enumerate(new):
+            for k, p in enumerate(new):
                 shared = number in unseen and _share_view(p, unseen[number])
-                possible[row, k] = not shared and self._is_remembered(
-                    number, away, came.watched - self._memory
-                )
-        seconds = np.array([time - came.time for _, came in new])
+                kept = self._is_remembered(number, away, firsts[k].watched - self._memory)
+                possible[row, k] = kept and not shared
+        seconds = np.array([time - p.appeared for p in new])
         found = self._search.returned(list(lost.values()), firsts, possible, seconds, self._patience)
         for k, row in enumerate(found.tolist()):
-            new[k][0].undecided = row == WAIT
+            new[k].undecided = row == WAIT
             if row in (NEW, WAIT):
                 continue
             number = list(lost)[row]
@@ -297,23 +289,23 @@ class OnlineMotion:
                 earlier = unseen[number].track
                 self._tracker.active.remove(earlier)
                 del self._people[earlier.number]
-            new[k][0].id = number
-        new = [(p, came) for p, came in new if p.id < 0 and not p.undecided]
-        times, places = np.array([came.time for _, came in new]), np.array([came.place for _, came in new])
-        for row in numbering_order(places.reshape(-1, 2), times, TOGETHER * self._periods.typical):
-            new[row][0].id = self.ids.new()
+            new[k].id = number
+        rows = [k for k, p in enumerate(new) if p.id < 0 and not p.undecided]
+        places = np.array([firsts[k].place for k in rows]).reshape(-1, 2)
+        times = np.array([firsts[k].time for k in rows])
+        for k in numbering_order(places, times, TOGETHER * self._periods.typical):
+            new[rows[k]].id = self.ids.new()
 
-    def _may_be_of(
-        self, person: OnlinePerson, came: SeenPerson, others: Sequence[OnlinePerson], time: float
-    ) -> bool:
+    def _may_be_of(self, person: OnlinePerson, others: Sequence[OnlinePerson], time: float) -> bool:
         """Return whether a person may be one of others, seen at a time (s): near, and in no common view.
 
         The track of the other then ends soon. It drifts away, so places are those at the appearance.
         """
+        came = person.appeared
         return any(
             other.track.last >= time - HOLD_S
             and not _share_view(person, other)
-            and np.linalg.norm(self._place_at(other, came.time) - came.place) <= DISTANCE
+            and np.linalg.norm(self._place_at(other, came) - self._place_at(person, came)) <= DISTANCE
             for other in others
         )
 
@@ -321,6 +313,17 @@ class OnlineMotion:
         """Return the place (2,) m of a person at a time (s), at the latest that of the last view."""
         assert person.noise is not None  # it is learnt before people appear
         return certain_place(self._fit(person, person.noise, min(time, person.track.last)))
+
+    def _first_seen(self, person: OnlinePerson, time: float) -> SeenPerson:
+        """Return a person as it appeared, from the views up to a time (s)."""
+        assert person.noise is not None
+        came = person.appeared
+        fit = self._fit(person, person.noise, came)
+        if person.bones is None:
+            lengths = self._search.instant_lengths(fit.positions, fit.covariances)
+        else:
+            lengths = self._search.bone_lengths(person.bones)
+        return SeenPerson(came, self._clock - (time - came), certain_place(fit), *lengths)
 
     def _seen(self, track: ViewTrack, first: int) -> SeenViews:
         """Return the views of a track from frame number `first` on."""
@@ -360,33 +363,23 @@ class OnlineMotion:
             new = PairDistances(*(np.concatenate(both, axis=1) for both in zip(person.distances, new)))
         person.distances = PairDistances(*(part[:, -KEPT_DISTANCES:] for part in new))
         person.learnt_at = person.track.last
-        person.appeared = person.appeared or self._appearance(person, problem.learnt, first)
+        if person.appeared == np.inf and self._is_inside(person):
+            person.appeared = float(person.seen.times[0]) if first else person.track.last
         if person.distances.lengths.shape[1] >= LEAST_DISTANCES:
             person.bones = learn_lengths(person.distances)
 
-    def _appearance(self, person: OnlinePerson, noise: LearntNoise, first: bool) -> SeenPerson | None:
-        """Return a person who is in the capture space now and was not before, as it appeared.
-
-        Args:
-            first: the person was never tested, so that it has appeared at its first view.
-        """
-        track, seen, period = person.track, person.seen, self._periods.typical
+    def _is_inside(self, person: OnlinePerson) -> bool:
+        """Return whether a person is in the capture space now."""
         inside = are_inside(
-            np.array([track.time]),
-            track.positions[None],
-            seen.times,
-            seen.cameras,
-            period,
+            np.array([person.track.time]),
+            person.track.positions[None],
+            person.seen.times,
+            person.seen.cameras,
+            self._periods.typical,
             self._arrays.cameras,
             self._needed_views,
         )
-        if not inside[0]:
-            return None
-        time = float(seen.times[0]) if first else track.last
-        watched = self._clock - (track.time - time)
-        fit = self._fit(person, noise, time)
-        lengths = self._search.instant_lengths(fit.positions, fit.covariances)
-        return SeenPerson(time, watched, certain_place(fit), *lengths)
+        return bool(inside[0])
 
     def _fit(self, person: OnlinePerson, noise: LearntNoise, time: float) -> InstantFit:
         """Return the joints of a person at a time (s)."""
