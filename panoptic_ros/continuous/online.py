@@ -57,8 +57,6 @@ LEARN_EVERY_S = 0.15  # s between two times of learning
 FIRST_ROUNDS, EARLY_ROUNDS, ROUNDS = 8, 3, 1
 # s from the appearance of a person to its number: those who appear together are confirmed within it
 HOLD_S = 0.1
-# m per axis, standard deviation up to which a joint counts for the place of a person; others would move it
-CERTAIN = 0.03
 KEPT_DISTANCES = 500  # number of newest measurements of lengths that are kept
 LEAST_DISTANCES = 25  # minimum number of measurements from which lengths are used
 NO_PAIRS = np.zeros((0, 2), np.int64)
@@ -310,20 +308,21 @@ class OnlineMotion:
         )
 
     def _place_at(self, person: OnlinePerson, time: float) -> Array:
-        """Return the place (2,) m of a person at a time (s), at the latest that of the last view."""
+        """Return the place (2,) m of a person at a time (s), or at the nearest time with views of it."""
         assert person.noise is not None  # it is learnt before people appear
-        return certain_place(self._fit(person, person.noise, min(time, person.track.last)))
+        first = float(person.seen.times[0])
+        return _place(self._fit(person, person.noise, max(first, min(time, person.track.last))))
 
     def _first_seen(self, person: OnlinePerson, time: float) -> SeenPerson:
         """Return a person as it appeared, from the views up to a time (s)."""
         assert person.noise is not None
-        came = person.appeared
+        came = max(person.appeared, float(person.seen.times[0]))  # older views are forgotten
         fit = self._fit(person, person.noise, came)
         if person.bones is None:
             lengths = self._search.instant_lengths(fit.positions, fit.covariances)
         else:
             lengths = self._search.bone_lengths(person.bones)
-        return SeenPerson(came, self._clock - (time - came), certain_place(fit), *lengths)
+        return SeenPerson(came, self._clock - (time - came), _place(fit), *lengths)
 
     def _seen(self, track: ViewTrack, first: int) -> SeenViews:
         """Return the views of a track from frame number `first` on."""
@@ -410,9 +409,8 @@ def _share_view(person: OnlinePerson, other: OnlinePerson) -> bool:
     return bool(np.isin(person.seen.frames, other.seen.frames).any())
 
 
-def certain_place(fit: InstantFit) -> Array:
-    """Return the place (2,) m of a person by the joints that are known well, see `numbering_places`."""
-    sigmas = np.sqrt(np.trace(fit.covariances, axis1=-2, axis2=-1) / 3.0)
-    sure = sigmas <= max(CERTAIN, float(sigmas.min()))
-    place: Array = numbering_places(fit.positions[None, sure])[0]
+def _place(fit: InstantFit) -> Array:
+    """Return the place (2,) m of a person on the ground: the mean of the joints by their precision."""
+    weights = 1.0 / np.trace(fit.covariances, axis1=-2, axis2=-1)
+    place: Array = np.average(fit.positions[:, :2], axis=0, weights=weights)
     return place
