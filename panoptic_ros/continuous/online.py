@@ -57,6 +57,8 @@ LEARN_EVERY_S = 0.15  # s between two times of learning
 FIRST_ROUNDS, EARLY_ROUNDS, ROUNDS = 8, 3, 1
 # s from the appearance of a person to its number: those who appear together are confirmed within it
 HOLD_S = 0.1
+# m per axis, standard deviation up to which a joint counts for the place of a person; others would move it
+CERTAIN = 0.03
 KEPT_DISTANCES = 500  # number of newest measurements of lengths that are kept
 LEAST_DISTANCES = 25  # minimum number of measurements from which lengths are used
 NO_PAIRS = np.zeros((0, 2), np.int64)
@@ -410,7 +412,8 @@ def _share_view(person: OnlinePerson, other: OnlinePerson) -> bool:
 
 
 def _place(fit: InstantFit) -> Array:
-    """Return the place (2,) m of a person on the ground: the mean of the joints by their precision."""
-    weights = 1.0 / np.trace(fit.covariances, axis1=-2, axis2=-1)
-    place: Array = np.average(fit.positions[:, :2], axis=0, weights=weights)
+    """Return the place (2,) m of a person by the joints that are known well, see `numbering_places`."""
+    sigmas = np.sqrt(np.trace(fit.covariances, axis1=-2, axis2=-1) / 3.0)
+    sure = sigmas <= max(CERTAIN, float(sigmas.min()))
+    place: Array = numbering_places(fit.positions[None, sure])[0]
     return place

@@ -189,7 +189,8 @@ def with_identities(
         group = [k for k in range(begin, len(found)) if firsts[k].time <= first.time + interval]
         lost = {k: one for k, one in lost.items() if first.watched - one.watched <= RETURN_S}
         numbers, new = list(lost), [firsts[k] for k in group]
-        possible = np.ones((len(numbers), len(new)), bool)
+        shared = [[_share_view(found[t], found[k]) for k in group] for t in numbers]
+        possible = ~np.array(shared, bool).reshape(len(numbers), len(new))
         for k, row in zip(group, search.returned(list(lost.values()), new, possible).tolist()):
             if row != NEW:
                 earlier = numbers[row]
@@ -204,3 +205,11 @@ def with_identities(
             lost[k] = seen_at(found[k], float(found[k].seen[-1]))
         begin += len(new)
     return found
+
+
+def _share_view(earlier: PersonCurve, later: PersonCurve) -> bool:
+    """Return whether an image shows both."""
+    if earlier.seen[-1] < later.seen[0]:
+        return False
+    images = [set(zip(one.rays.cameras.tolist(), one.rays.stamps.tolist())) for one in (earlier, later)]
+    return not images[0].isdisjoint(images[1])
