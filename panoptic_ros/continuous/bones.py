@@ -122,11 +122,40 @@ def learn_lengths(distances: PairDistances) -> LearntLengths:
     )
 
 
+def length_weights(problem: CurveProblem, fit: CurveFit, pairs: Array, learnt: LearntLengths) -> Array:
+    """Return the weights (P, T) 1/m^2 of the lengths at `instants`.
+
+    The direction of a pair with a joint that is hidden for long is unknown. So the noise of its length
+    contains the variance of the second-order term, as in a second-order extended Kalman filter. Else hidden
+    joints pull the others. The variance is tr((H P)^2) / 2 with the Hessian H = (I - u u^T) / length.
+
+    Args:
+        fit: curves that were fitted joint by joint.
+    """
+    times, grid = instants(problem), problem.grid
+    knots = np.clip((times - grid.origin) / grid.step, 0, problem.inside.shape[1] - 1).astype(np.int64)
+    hidden = ~problem.inside[:, knots]
+    weights = np.repeat(learnt.weights[:, None], len(times), axis=1)
+    p, t = np.nonzero((hidden[pairs[:, 0]] | hidden[pairs[:, 1]]) & (weights > 0.0))
+    first, second = pairs[p].T
+    some, t = np.unique(t, return_inverse=True)
+    covariances = covariances_at(fit.inverses, grid, times[some])
+    spread = covariances[first, t] + covariances[second, t]
+    gaps = _gaps(problem, fit.points, pairs, times[some])[p, t]
+    along = gaps / np.maximum(np.linalg.norm(gaps, axis=1, keepdims=True), SHORTEST)
+    across = np.eye(3) - along[:, :, None] * along[:, None]
+    bends = 0.5 * ((across @ spread @ across) ** 2).sum(axis=(1, 2)) / learnt.lengths[p] ** 2
+    own = learnt.weights[p]
+    weights[p, some[t]] = own / (1.0 + own * bends * 2.0 * CORRELATION_S / INTERVAL_S)
+    return weights
+
+
 def step_with_lengths(
     problem: CurveProblem,
     points: Array,
     pairs: Array,
     learnt: LearntLengths,
+    weights: Array,
     stiffness: Array,
     blocks: Array,
 ) -> Array:
@@ -137,6 +166,7 @@ def step_with_lengths(
 
     Args:
         points: (J, K, 3) m, control points at which the lengths are linearised.
+        weights: (P, T) 1/m^2 of the lengths at `instants`.
         stiffness: (J, K - ORDER) 1/m^2.
         blocks: (K, SPAN, 3J, 3J), written: the factor of the matrix as in `factor_blocks`.
     """
@@ -145,7 +175,7 @@ def step_with_lengths(
     bands, rights = normal_equations(problem.rays, grid, stiffness)
     right = couple(bands, rights, points, blocks)
     gaps = _gaps(problem, points, pairs, times)
-    add_lengths(blocks, right, grid, times, pairs, gaps, learnt)
+    add_lengths(blocks, right, grid, times, pairs, gaps, learnt.lengths, weights)
     factor_blocks(blocks)
     step = solve_blocks(blocks, right).reshape(grid.number, joints, 3)
     found: Array = points + step.transpose(1, 0, 2)
@@ -204,26 +234,27 @@ def couple(bands, rights, points, blocks):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def add_lengths(blocks, right, grid, times, pairs, gaps, learnt):
+def add_lengths(blocks, right, grid, times, pairs, gaps, lengths, weights):
     """Add measurements of the lengths of P pairs at T instants.
 
     Args:
         blocks, right: see `couple`.
         gaps: (P, T, 3) m, of the pairs at the present curves.
-        learnt: `LearntLengths`.
+        lengths: (P,) m.
+        weights: (P, T) 1/m^2 of the measurements.
     """
     basis = np.empty(SPAN)
     along, both = np.empty(3), np.empty((3, 3))
     for t in range(len(times)):
         k = weights_at((times[t] - grid.origin) / grid.step, grid.number, basis)
         for p in range(len(pairs)):
-            w = learnt.weights[p]
+            w = weights[p, t]
             if w <= 0.0:
                 continue
             gap = gaps[p, t]
             length = max(np.sqrt(gap[0] ** 2 + gap[1] ** 2 + gap[2] ** 2), SHORTEST)
             along[:] = gap / length
-            miss = w * (learnt.lengths[p] - length)
+            miss = w * (lengths[p] - length)
             first, second = 3 * pairs[p, 0], 3 * pairs[p, 1]
             for a in range(3):
                 for b in range(3):

@@ -14,6 +14,7 @@ from panoptic_ros.continuous.bones import (
     SHORTEST,
     LearntLengths,
     block_inverses,
+    length_weights,
     step_with_lengths,
 )
 from panoptic_ros.continuous.curves import CurveFit, all_third_differences, jerk_weights
@@ -40,9 +41,10 @@ def fit_with_lengths(problem: CurveProblem, fit: CurveFit, pairs: Array, learnt:
     marginal = 1.0 / (parts @ (1.0 / problem.stiffness))
     shares = free_shares(fit.points, pairs, learnt, marginal)
     stiffness = marginal * shares[:, None]
+    weights = length_weights(problem, fit, pairs, learnt)
     blocks = np.empty((problem.grid.number, SPAN, 3 * joints, 3 * joints))
     for step in range(1, MOST_STEPS + 1):
-        points = step_with_lengths(problem, fit.points, pairs, learnt, stiffness, blocks)
+        points = step_with_lengths(problem, fit.points, pairs, learnt, weights, stiffness, blocks)
         inverses = block_inverses(blocks)
         fit = fit._replace(points=points, inverses=inverses)
         problem.compare(fit)

@@ -6,16 +6,19 @@ import pytest
 from free_cameras import FreeCapture
 
 from panoptic_ros.continuous.bones import (
+    CORRELATION_S,
+    INTERVAL_S,
     SHORTEST,
     PairDistances,
     block_inverses,
     instants,
     learn_lengths,
+    length_weights,
     pair_distances,
     rigid_pairs,
     step_with_lengths,
 )
-from panoptic_ros.continuous.curves import WIDTH, normal_equations
+from panoptic_ros.continuous.curves import WIDTH, covariances_at, normal_equations
 from panoptic_ros.continuous.follow import follow
 from panoptic_ros.continuous.problem import CurveProblem, TrackRays, grid_over
 from panoptic_ros.continuous.relaxation import relax
@@ -81,7 +84,8 @@ def step(problem, points, learnt):
     """Control points after one step, and the factor."""
     count, size = problem.grid.number, 3 * len(points)
     factor = np.empty((count, SPAN, size, size))
-    return step_with_lengths(problem, points, PAIRS, learnt, problem.stiffness, factor), factor
+    weights = np.repeat(learnt.weights[:, None], len(instants(problem)), axis=1)
+    return step_with_lengths(problem, points, PAIRS, learnt, weights, problem.stiffness, factor), factor
 
 
 def dense_step(problem, points, learnt):
@@ -141,3 +145,35 @@ def test_steps_reach_the_same_curves_as_dense_steps_if_noise_persists(problem):
         points, _ = step(problem, points, learnt)
     assert np.abs(dense_step(problem, points, learnt)[0]).max() < 1e-9
     problem.persistent = 0.0
+
+
+def test_lengths_of_hidden_joints_weigh_less(problem):
+    """The added variance is that of the second-order term, sampled by a Monte Carlo."""
+    fit = problem.fit()
+    learnt = learn_lengths(pair_distances(problem, fit, PAIRS))
+    whole = length_weights(problem, fit, PAIRS, learnt)
+    times, knee = instants(problem), captures.SKELETON.joint_names.index("lKnee")
+    row = int(np.flatnonzero((PAIRS == knee).any(axis=1))[0])
+    middle = len(times) // 2
+    assert np.array_equal(whole[:, middle], learnt.weights)
+    inside, inverses = problem.inside.copy(), fit.inverses.copy()
+    problem.inside[knee] = False
+    inverses[knee] = 0.0
+    inverses[knee, :, 0] = 0.01  # m^2
+    changed = length_weights(problem, fit._replace(inverses=inverses), PAIRS, learnt)
+    problem.inside[:] = inside
+    covariance = covariances_at(inverses, problem.grid, times[[middle]])[:, 0]
+    places = spline(problem.grid.origin, problem.grid.step, fit.points.transpose(1, 0, 2))(times[[middle]])[0]
+    a, b = PAIRS[row]
+    gap, spread = places[a] - places[b], covariance[a] + covariance[b]
+    across = np.eye(3) - np.outer(gap, gap) / (gap @ gap)
+    sample = np.random.default_rng(0).multivariate_normal(np.zeros(3), spread, 100_000)
+    bends = 0.5 * np.einsum("ni,ij,nj->n", sample, across, sample) / learnt.lengths[row]
+    share = 2.0 * CORRELATION_S / INTERVAL_S
+    expected = 1.0 / (1.0 / learnt.weights[row] + share * bends.var())
+    assert (
+        changed[row, middle] == pytest.approx(expected, rel=0.03)
+        and changed[row, middle] < whole[row, middle]
+    )
+    others = ~(PAIRS == knee).any(axis=1)
+    np.testing.assert_array_equal(changed[others], whole[others])

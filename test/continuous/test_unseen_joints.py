@@ -3,9 +3,10 @@
 from dataclasses import replace
 
 import captures
+import cv2
 import numpy as np
 import pytest
-from free_cameras import FreeCapture
+from free_cameras import START_NS, FreeCapture
 
 from panoptic_ros.continuous.config import ContinuousConfig
 from panoptic_ros.continuous.passes import ContinuousPass
@@ -16,6 +17,7 @@ from panoptic_ros.stage import StageContext, untold
 NECK, NOSE, LEFT, RIGHT = (
     captures.SKELETON.joint_names.index(n) for n in ("Neck", "Nose", "lShoulder", "rShoulder")
 )
+LOWER, SECOND = ("Hip", "Knee", "Ankle"), 1_000_000_000
 
 
 @pytest.fixture(scope="module")
@@ -56,3 +58,42 @@ def test_a_derived_joint_is_the_mean_with_its_covariance(motion):
         )
         assert (item.states[:, NECK] == JointState.MEASURED).all() and (item.views[:, NECK] > 1).all()
         assert (item.states[:, NOSE] == JointState.MISSING).all()
+
+
+class Walkers(FreeCapture):
+    """The legs swing about the hips, left and right in turn."""
+
+    def joints(self, time_s):
+        bodies = super().joints(time_s)
+        for side, sign in (("l", 1.0), ("r", -1.0)):
+            hip, *leg = (captures.SKELETON.joint_names.index(side + name) for name in LOWER)
+            for body in bodies:
+                across = body[LEFT] - body[RIGHT]
+                turn = cv2.Rodrigues(sign * 0.5 * np.sin(6.0 * time_s) * across / np.linalg.norm(across))[0]
+                body[leg] = body[hip] + (body[leg] - body[hip]) @ turn.T
+        return bodies
+
+
+def test_joints_that_leave_the_images_stay_honest_and_do_not_pull_the_others():
+    """The lower body is hidden from 1.2 s to 2.6 s, while the person walks on."""
+    capture = Walkers(seconds=4.0, speed=1.0)
+    low = [captures.SKELETON.joint_names.index(side + name) for side in "lr" for name in LOWER]
+    low += [captures.SKELETON.joint_names.index("BodyCenter")]
+    for k, item in enumerate(capture.sets):
+        (view,) = item.views
+        if 1.2 < 1e-9 * (view.stamp_ns - START_NS) < 2.6:
+            points, scores = view.points.copy(), view.scores.copy()
+            points[:, low], scores[:, low] = np.nan, 0.0
+            capture.sets[k] = replace(item, views=(replace(view, points=points, scores=scores),))
+    recording = InMemoryRecording({"detection_sets": capture.sets})
+    found = ContinuousPass(ContinuousConfig(), capture.context).run(recording, untold)
+    high = [j for j in range(19) if j not in low]
+    assert np.nanmean(capture.errors(found, np.arange(1.3, 2.5, 0.05))[:, :, high]) < 0.004
+    squares = []
+    for item in found.sets(START_NS + np.arange(1.25, 2.55, 0.05) * SECOND):
+        truth = capture.joints(1e-9 * (item.stamp_ns - START_NS))
+        for k, body in enumerate(item.positions):
+            gaps = body - truth[np.nanmean(np.linalg.norm(truth - body, axis=-1), axis=1).argmin()]
+            for j in (j for j in low if item.states[k, j] != JointState.MISSING):
+                squares.append(gaps[j] @ np.linalg.solve(item.covariances[k, j], gaps[j]) / 3.0)
+    assert len(squares) > 100 and np.mean(squares) < 6.0

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from panoptic_ros.continuous.config import ContinuousConfig
-from panoptic_ros.continuous.designated import designated
+from panoptic_ros.continuous.designated import designated, with_subject_id
 from panoptic_ros.continuous.elhayek.body import first_poses, misfits_of, skeleton_from, usable
 from panoptic_ros.continuous.elhayek.body_blobs import TimedBlobs, body_blobs, coloured
 from panoptic_ros.continuous.elhayek.curve import person_curve
@@ -92,6 +92,8 @@ class ElhayekPass:
             subject = self._subject if person.id == chosen else None
             people.append(self._person(person, length, subject, measuring, own))
         progress(1.0, "fitting segments")
+        if self._subject is not None:
+            people = with_subject_id(people, chosen, self._subject.id)
         return replace(motion, people=tuple(people))
 
     def _measuring(self, recording: Recording, motion: ContinuousMotion) -> Measuring:
