@@ -237,9 +237,7 @@ class OnlineMotion:
         oldest = (
             self._clock - self._memory - LEARNING_S
         )  # people are numbered some time after their first view
-        self._lost = {
-            number: lost for number, lost in self._lost.items() if self._is_remembered(number, lost, oldest)
-        }
+        self._lost = {k: lost for k, lost in self._lost.items() if self._is_remembered(k, lost, oldest)}
 
     def _is_remembered(self, number: int, lost: SeenPerson, oldest: float) -> bool:
         """Return whether a person was seen after a time (s, without pauses). Subjects are never forgotten."""

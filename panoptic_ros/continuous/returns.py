@@ -33,10 +33,10 @@ DISTANCE, SPEED = 0.6, 1.2  # m and m/s: reach of a lost person, as in tracking
 
 
 class SeenPerson(NamedTuple):
-    """Person at the end or the beginning of a track.
+    """Person at the end of a track, or as it appeared.
 
     Args:
-        time: (s) of the last or the first view.
+        time: (s) of the last view or the appearance.
         watched: (s) the same time on a clock that stands still in pauses, see `watched_times`.
         place: (2,) m on the ground at that time.
         lengths: (B,) m of the bones, NaN = unknown.
