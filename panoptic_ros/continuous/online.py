@@ -234,9 +234,8 @@ class OnlineMotion:
             if person is not None and person.id >= 0:
                 self._lost[person.id] = self._lost_person(person)
         self._tracker.ended.clear()
-        oldest = (
-            self._clock - self._memory - LEARNING_S
-        )  # people are numbered some time after their first view
+        # people are numbered some time after their first view
+        oldest = self._clock - self._memory - LEARNING_S
         self._lost = {k: lost for k, lost in self._lost.items() if self._is_remembered(k, lost, oldest)}
 
     def _is_remembered(self, number: int, lost: SeenPerson, oldest: float) -> bool:
