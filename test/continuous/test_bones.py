@@ -148,7 +148,7 @@ def test_steps_reach_the_same_curves_as_dense_steps_if_noise_persists(problem):
 
 
 def test_lengths_of_hidden_joints_weigh_less(problem):
-    """The added variance is that of the second-order term, sampled by a Monte Carlo."""
+    """Compare the added variance with a Monte Carlo sample of the second-order term."""
     fit = problem.fit()
     learnt = learn_lengths(pair_distances(problem, fit, PAIRS))
     whole = length_weights(problem, fit, PAIRS, learnt)

@@ -75,7 +75,7 @@ class Walkers(FreeCapture):
 
 
 def test_joints_that_leave_the_images_stay_honest_and_do_not_pull_the_others():
-    """The lower body is hidden from 1.2 s to 2.6 s, while the person walks on."""
+    """Hide the lower body of walkers from 1.2 s to 2.6 s."""
     capture = Walkers(seconds=4.0, speed=1.0)
     low = [captures.SKELETON.joint_names.index(side + name) for side in "lr" for name in LOWER]
     low += [captures.SKELETON.joint_names.index("BodyCenter")]

@@ -34,12 +34,13 @@ def with_subjects(plan: Plan, paths: Sequence[Path]) -> Plan:
     if not paths:
         return plan
     config = config_of(plan.configs, TrackingConfig)
-    if config.subjects:
-        raise UsageError("--subject and tracking.subjects both designate people; give one of them")
+    instants = config_of(plan.configs, ContinuousStageConfig)
+    for stage, given in (("tracking", config.subjects), ("continuous", instants.subjects)):
+        if given:
+            raise UsageError(f"--subject and {stage}.subjects both designate people; give one of them")
     people = body_extras(paths)["subjects"]
     words = tuple(subject_word(subject.id, subject.start) for subject in people)
     bodies = config_of(plan.configs, KinematicsConfig)
-    instants = config_of(plan.configs, ContinuousStageConfig)
     configs = {
         **plan.configs,
         "tracking": replace(config, subjects=words),

@@ -29,6 +29,7 @@ def test_files_become_words_of_tracking(tmp_path):
     paths = (subject(tmp_path / "subject_b.json", 4, [0.5, -1.25, 0.9]), subject(tmp_path / "a.json", 0))
     found = with_subjects(plan(), paths)
     assert found.configs["tracking"].subjects == ("4=0.5 -1.25 0.9", "0") and found.subjects == paths
+    assert found.configs["continuous"].subjects == found.configs["tracking"].subjects
     assert subject_files(tmp_path, [paths[1]]) == (paths[1], paths[0])
     assert subject_files(tmp_path, [paths[0]]) == (paths[0],)  # once
 
@@ -41,6 +42,9 @@ def test_what_cannot_be_is_refused(tmp_path):
         with_subjects(plan(), (subject(tmp_path / "c.json", -1),))
     with pytest.raises(UsageError, match="--subject and tracking.subjects both"):
         with_subjects(plan(subjects=["1"]), (a,))
+    own = Plan("", captures.RIG, captures.SKELETON, configure({"continuous": {"subjects": ["1"]}}))
+    with pytest.raises(UsageError, match="--subject and continuous.subjects both"):
+        with_subjects(own, (a,))
     a.write_text("{}")
     with pytest.raises(DataError, match=r"a.json is not a panoptic-subject-1 file"):
         with_subjects(plan(), (a,))
