@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from panoptic_ros.continuous.seen_views import SeenViews
 from panoptic_ros.domain import Camera
 from panoptic_ros.solving.capture_space import in_capture_space
 
 Array = np.ndarray
+PART = 100  # number of instants that are tested at once
 
 
 def are_inside(
@@ -35,3 +37,24 @@ def are_inside(
     )
     supporting = np.array([len(np.unique(of_cameras[a:b])) for a, b in zip(first, last)])
     return in_capture_space(positions, supporting, cameras, needed)
+
+
+def first_inside(
+    seen: SeenViews,
+    positions_at: Callable[[Array], Array],
+    period: float,
+    cameras: Sequence[Camera],
+    needed: int,
+) -> float | None:
+    """Return the time (s) of the first view of a person in the capture space; None = never there.
+
+    Args:
+        positions_at: returns the positions (T, J, 3) m of the person at times (T,) s.
+        period, cameras, needed: see `are_inside`.
+    """
+    for begin in range(0, len(seen.times), PART):
+        times = seen.times[begin : begin + PART]
+        inside = are_inside(times, positions_at(times), seen.times, seen.cameras, period, cameras, needed)
+        if inside.any():
+            return float(times[np.argmax(inside)])
+    return None

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.continuous.appearance import TOGETHER, FirstAppearance, well_shown
 from panoptic_ros.continuous.bones import (
     LearntLengths,
     PairDistances,
@@ -21,7 +20,7 @@ from panoptic_ros.continuous.config import ContinuousStageConfig
 from panoptic_ros.continuous.curves import ORDER, KnotGrid
 from panoptic_ros.continuous.follow import ViewTrack, ViewTracker
 from panoptic_ros.continuous.instant import CameraRows, InstantFit, fit_instant, window_rays
-from panoptic_ros.continuous.motion import JointFilters, predict
+from panoptic_ros.continuous.motion import predict
 from panoptic_ros.continuous.periods import CameraPeriods
 from panoptic_ros.continuous.problem import (
     CAUCHY,
@@ -41,7 +40,7 @@ from panoptic_ros.continuous.reports import (
     joint_report,
     was_seen,
 )
-from panoptic_ros.continuous.returns import DISTANCE, TAIL_S, ReturnSearch, SeenPerson
+from panoptic_ros.continuous.returns import DISTANCE, TAIL_S, TOGETHER, ReturnSearch, SeenPerson
 from panoptic_ros.continuous.seen_views import SeenViews
 from panoptic_ros.domain import JointState, SkeletonModel
 from panoptic_ros.domain.of_all import joined
@@ -97,27 +96,24 @@ class OnlinePerson:
         id: Number of the person; -1 = not numbered yet, such people are not reported.
         track: Filters, and the 2D people of the kept views.
         seen: The same views as arrays.
-        begin, begin_watched: Time of the first view, s, and the same on the clock without pauses.
-        last_watched: Time of the newest view on that clock, s.
+        last_watched: Time of the newest view on the clock without pauses, s.
         learnt_at: Time of the newest learning, s.
         noise: Learnt noise and stiffness. None before the first learning.
         distances: Newest measurements of the lengths.
         bones: Learnt lengths. None before there are enough measurements.
-        appeared: FirstAppearance; None = the person was never in the capture space, and is not reported.
+        appeared: Time of appearance, s. Infinite = it was never in the capture space, and is not reported.
         undecided: Whether the person may be one who was lost long ago, see `identity.likeness.WAIT`.
     """
 
     id: int
     track: ViewTrack
     seen: SeenViews
-    begin: float
-    begin_watched: float
     last_watched: float
     learnt_at: float = -np.inf
     noise: LearntNoise | None = None
     distances: PairDistances | None = None
     bones: LearntLengths | None = None
-    appeared: FirstAppearance | None = None
+    appeared: float = np.inf
     undecided: bool = False
 
 
@@ -183,7 +179,7 @@ class OnlineMotion:
             track.keep(oldest)
             if track.confirmed:
                 if track.number not in self._people:
-                    self._people[track.number] = self._new_person(track, time)
+                    self._people[track.number] = OnlinePerson(-1, track, self._seen(track, 0), self._clock)
                 person = self._people[track.number]
                 self._update(person, oldest)
                 if track.last == time:
@@ -231,7 +227,7 @@ class OnlineMotion:
         people = list(self._people.values())
         reported = self.ids.are_reported(np.array([person.id for person in people]), self._bystanders)
         for person in (people[row] for row in np.flatnonzero(reported)):
-            if person.noise is None or person.appeared is None or person.id < 0:
+            if person.noise is None or person.id < 0:
                 continue
             if was_seen(np.array([time]), person.seen.times)[0]:
                 fit = self._fit(person, person.noise, time)
@@ -255,12 +251,9 @@ class OnlineMotion:
             if person is not None and person.id >= 0:
                 self._lost[person.id] = self._lost_person(person)
         self._tracker.ended.clear()
-        oldest = (
-            self._clock - self._memory - LEARNING_S
-        )  # people are numbered some time after their first view
-        self._lost = {
-            number: lost for number, lost in self._lost.items() if self._is_remembered(number, lost, oldest)
-        }
+        # people are numbered some time after their first view
+        oldest = self._clock - self._memory - LEARNING_S
+        self._lost = {k: lost for k, lost in self._lost.items() if self._is_remembered(k, lost, oldest)}
 
     def _is_remembered(self, number: int, lost: SeenPerson, oldest: float) -> bool:
         """Return whether a person was seen after a time (s, without pauses). Subjects are never forgotten."""
@@ -270,12 +263,9 @@ class OnlineMotion:
         """Return a person as last seen."""
         filters = person.track.filters.copy()
         predict(filters, person.track.last - person.track.time)
+        place = numbering_places(filters.states[None, :, 0])[0]
         lengths = self._search.bone_lengths(person.bones)
-        return SeenPerson(person.track.last, person.last_watched, _place(filters), *lengths)
-
-    def _new_person(self, track: ViewTrack, time: float) -> OnlinePerson:
-        begin = self._times[track.entries[0].frame]
-        return OnlinePerson(-1, track, self._seen(track, 0), begin, self._clock - (time - begin), self._clock)
+        return SeenPerson(person.track.last, person.last_watched, place, *lengths)
 
     def _number_people(self, time: float) -> None:
         """Number the people who have appeared, at a time (s): those who were lost, and then new ones.
@@ -284,34 +274,30 @@ class OnlineMotion:
         """
         known = [p for p in self._people.values() if p.id >= 0]
         unseen = {p.id: p for p in known if p.track.last < time - HOLD_S}
-        new = []
-        for person in self._people.values():
-            if person.id < 0 and person.appeared is not None:
-                if time >= person.begin + TAIL_S or not self._may_be_of(person, person.appeared, known, time):
-                    new.append((person, person.appeared))
-        settled = all(track.confirmed for track in self._tracker.active) and all(
-            person.appeared is not None for person in self._people.values()
-        )
+        new = [p for p in self._people.values() if p.id < 0 and p.appeared <= time]
+        new = [p for p in new if time >= p.appeared + TAIL_S or not self._may_be_of(p, known, time)]
+        settled = all(track.confirmed for track in self._tracker.active)
+        settled &= all(np.isfinite(person.appeared) for person in self._people.values())
         hold = HOLD_S if settled else max(HOLD_S, HOLD_PERIODS * self._periods.typical)
-        if time < min((came.time for p, came in new if not p.undecided), default=-np.inf) + hold:
-            new = [(p, came) for p, came in new if p.undecided]
+        if time < min((p.appeared for p in new if not p.undecided), default=-np.inf) + hold:
+            new = [p for p in new if p.undecided]
         if not new:
             return
-        begin = min(came.time for _, came in new)
+        begin = min(p.appeared for p in new)
         lost = dict(self._lost)
         for number, one in unseen.items():
             lost[number] = self._lost_person(one)._replace(place=self._place_at(one, begin))
-        firsts = [self._first_seen(p, came) for p, came in new]
+        firsts = [self._first_seen(p, time) for p in new]
         possible = np.ones((len(lost), len(new)), bool)
         for row, (number, away) in enumerate(lost.items()):
-            for k, (p, _) in enumerate(new):
+            for k, p in enumerate(new):
                 shared = number in unseen and _share_view(p, unseen[number])
-                kept = self._is_remembered(number, away, p.begin_watched - self._memory)
-                possible[row, k] = kept and away.time < p.begin + TAIL_S and not shared
-        seconds = np.array([time - p.begin for p, _ in new])
+                kept = self._is_remembered(number, away, firsts[k].watched - self._memory)
+                possible[row, k] = kept and not shared
+        seconds = np.array([time - p.appeared for p in new])
         found = self._search.returned(list(lost.values()), firsts, possible, seconds, self._patience)
         for k, row in enumerate(found.tolist()):
-            new[k][0].undecided = row == WAIT
+            new[k].undecided = row == WAIT
             if row in (NEW, WAIT):
                 continue
             number = list(lost)[row]
@@ -320,40 +306,42 @@ class OnlineMotion:
                 earlier = unseen[number].track
                 self._tracker.active.remove(earlier)
                 del self._people[earlier.number]
-            new[k][0].id = number
-        new = [(p, came) for p, came in new if p.id < 0 and not p.undecided]
-        times, places = np.array([came.time for _, came in new]), np.array([came.place for _, came in new])
-        for row in numbering_order(places.reshape(-1, 2), times, TOGETHER * self._periods.typical):
-            new[row][0].id = self.ids.new()
+            new[k].id = number
+        rows = [k for k, p in enumerate(new) if p.id < 0 and not p.undecided]
+        places = np.array([firsts[k].place for k in rows]).reshape(-1, 2)
+        times = np.array([firsts[k].time for k in rows])
+        for k in numbering_order(places, times, TOGETHER * self._periods.typical):
+            new[rows[k]].id = self.ids.new()
 
-    def _may_be_of(
-        self, person: OnlinePerson, came: FirstAppearance, others: Sequence[OnlinePerson], time: float
-    ) -> bool:
+    def _may_be_of(self, person: OnlinePerson, others: Sequence[OnlinePerson], time: float) -> bool:
         """Return whether a person may be one of others, seen at a time (s): near, and in no common view.
 
         The track of the other then ends soon. It drifts away, so places are those at the appearance.
         """
+        came = person.appeared
         return any(
             other.track.last >= time - HOLD_S
             and not _share_view(person, other)
-            and np.linalg.norm(self._place_at(other, came.time) - came.place) <= DISTANCE
+            and np.linalg.norm(self._place_at(other, came) - self._place_at(person, came)) <= DISTANCE
             for other in others
         )
 
     def _place_at(self, person: OnlinePerson, time: float) -> Array:
-        """Return the place (2,) m of a person at a time (s), at the latest that of the last view."""
+        """Return the place (2,) m of a person at a time (s), or at the nearest time with views of it."""
         assert person.noise is not None  # it is learnt before people appear
-        return certain_place(self._fit(person, person.noise, min(time, person.track.last)))
+        first = float(person.seen.times[0])
+        return _place(self._fit(person, person.noise, max(first, min(time, person.track.last))))
 
-    def _first_seen(self, person: OnlinePerson, came: FirstAppearance) -> SeenPerson:
-        """Return a person as it appeared, with bones as known now."""
+    def _first_seen(self, person: OnlinePerson, time: float) -> SeenPerson:
+        """Return a person as it appeared, from the views up to a time (s)."""
         assert person.noise is not None
-        if person.bones is not None:
-            lengths = self._search.bone_lengths(person.bones)
-        else:
-            fit = self._fit(person, person.noise, came.time)
+        came = max(person.appeared, float(person.seen.times[0]))  # older views are forgotten
+        fit = self._fit(person, person.noise, came)
+        if person.bones is None:
             lengths = self._search.instant_lengths(fit.positions, fit.covariances)
-        return SeenPerson(person.begin, person.begin_watched, came.place, *lengths)
+        else:
+            lengths = self._search.bone_lengths(person.bones)
+        return SeenPerson(came, self._clock - (time - came), _place(fit), *lengths)
 
     def _seen(self, track: ViewTrack, first: int) -> SeenViews:
         """Return the views of a track from frame number `first` on."""
@@ -385,6 +373,7 @@ class OnlineMotion:
             for _ in range(EARLY_ROUNDS if early else ROUNDS):
                 fit = problem.fit()
                 problem.learn(fit, problem.compare(fit))
+        first = person.noise is None
         person.noise = problem.learnt
         since = max(person.learnt_at, origin)
         new = pair_distances(problem, fit, self._pairs, since)
@@ -392,29 +381,23 @@ class OnlineMotion:
             new = PairDistances(*(np.concatenate(both, axis=1) for both in zip(person.distances, new)))
         person.distances = PairDistances(*(part[:, -KEPT_DISTANCES:] for part in new))
         person.learnt_at = person.track.last
-        person.appeared = person.appeared or self._appearance(person, problem.learnt, since)
+        if person.appeared == np.inf and self._is_inside(person):
+            person.appeared = float(person.seen.times[0]) if first else person.track.last
         if person.distances.lengths.shape[1] >= LEAST_DISTANCES:
             person.bones = learn_lengths(person.distances)
 
-    def _appearance(self, person: OnlinePerson, noise: LearntNoise, since: float) -> FirstAppearance | None:
-        """Return the appearance of a person who is in the capture space now and was not at a time (s)."""
-        track, seen, period = person.track, person.seen, self._periods.typical
+    def _is_inside(self, person: OnlinePerson) -> bool:
+        """Return whether a person is in the capture space now."""
         inside = are_inside(
-            np.array([track.time]),
-            track.positions[None],
-            seen.times,
-            seen.cameras,
-            period,
+            np.array([person.track.time]),
+            person.track.positions[None],
+            person.seen.times,
+            person.seen.cameras,
+            self._periods.typical,
             self._arrays.cameras,
             self._needed_views,
         )
-        if not inside[0]:
-            return None
-        shown = seen.times[well_shown(seen, period) & (seen.times >= since)]
-        time = float(shown[0]) if len(shown) else track.last
-        if since < person.begin + 0.5 * period:  # the first views of a new track may be missing
-            time = person.begin
-        return FirstAppearance(time, certain_place(self._fit(person, noise, time)))
+        return bool(inside[0])
 
     def _fit(self, person: OnlinePerson, noise: LearntNoise, time: float) -> InstantFit:
         """Return the joints of a person at a time (s)."""
@@ -445,15 +428,9 @@ def _share_view(person: OnlinePerson, other: OnlinePerson) -> bool:
     return bool(np.isin(person.seen.frames, other.seen.frames).any())
 
 
-def certain_place(fit: InstantFit) -> Array:
+def _place(fit: InstantFit) -> Array:
     """Return the place (2,) m of a person by the joints that are known well, see `numbering_places`."""
     sigmas = np.sqrt(np.trace(fit.covariances, axis1=-2, axis2=-1) / 3.0)
     sure = sigmas <= max(CERTAIN, float(sigmas.min()))
     place: Array = numbering_places(fit.positions[None, sure])[0]
-    return place
-
-
-def _place(filters: JointFilters) -> Array:
-    """Return the place (2,) m of a person on the ground."""
-    place: Array = np.nanmedian(filters.states[:, 0, :2], axis=0)
     return place

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from panoptic_ros.continuous.appearance import TOGETHER, appearance
 from panoptic_ros.continuous.bones import rigid_pairs
+from panoptic_ros.continuous.bystanders import first_inside
 from panoptic_ros.continuous.clocks import DRIFT_ROUND, MARGIN_S, CameraTimes, FreeClocks, estimate_times
 from panoptic_ros.continuous.config import ContinuousConfig
 from panoptic_ros.continuous.faults import (
@@ -22,7 +22,7 @@ from panoptic_ros.continuous.follow import camera_periods, follow
 from panoptic_ros.continuous.motion_result import ContinuousMotion
 from panoptic_ros.continuous.person import PersonCurve, fit_person
 from panoptic_ros.continuous.problem import CurveProblem, TrackRays, grid_over
-from panoptic_ros.continuous.returns import with_identities
+from panoptic_ros.continuous.returns import TOGETHER, with_identities
 from panoptic_ros.continuous.seen_views import SeenViews
 from panoptic_ros.continuous.stamps import partial_notices, usable_views
 from panoptic_ros.domain.rig_arrays import RigArrays
@@ -113,7 +113,7 @@ class ContinuousPass:
             seen = SeenViews.of(track.entries, ordered, stamps[order], self._mirror)
             corrected = seen._replace(times=times[seen.frames])
             person = self._person(k, seen, corrected.times, clocks)
-            came = appearance(corrected, person.at, period, self._rig.cameras, self._needed_views)
+            came = first_inside(corrected, person.at, period, self._rig.cameras, self._needed_views)
             if came is not None:
                 people.append((person, came))
         progress(1.0, "fitting curves")

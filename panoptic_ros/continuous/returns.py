@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.continuous.appearance import FirstAppearance
 from panoptic_ros.continuous.bones import LearntLengths
 from panoptic_ros.continuous.person import PersonCurve
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.identity.likeness import (
+    FRAME_SIGMA,
+    LASTING,
     NEW,
     BoneLengths,
     bone_evidence,
@@ -21,23 +22,21 @@ from panoptic_ros.identity.likeness import (
     recognised,
     seen_bones,
 )
-from panoptic_ros.identity.numbering import numbering_order
+from panoptic_ros.identity.numbering import numbering_order, numbering_places
 from panoptic_ros.identity.returns import RETURN_S, is_pause, returns_at_once
 
 Array = np.ndarray
 TAIL_S = 0.5  # s, longest time from the start of a new track of a person to the end of the earlier one
-OVERLAP_S = 0.05  # s, longest time from the first to the last row of an image
-# m, error of learnt lengths that no averaging removes. With 2.8 mm or more, people of Shelf keep their ids
-# over cuts; with 4.5 mm, a simulated newcomer of the same size gets the id of a lost person
-LASTING_SIGMA = 3e-3
+# periods of a camera within which people appear together: the next set of synchronous cameras is left out
+TOGETHER = 0.9
 DISTANCE, SPEED = 0.6, 1.2  # m and m/s: reach of a lost person, as in tracking
 
 
 class SeenPerson(NamedTuple):
-    """Person at the end or the beginning of a track.
+    """Person at the end of a track, or as it appeared.
 
     Args:
-        time: (s) of the last or the first view.
+        time: (s) of the last view or the appearance.
         watched: (s) the same time on a clock that stands still in pauses, see `watched_times`.
         place: (2,) m on the ground at that time.
         lengths: (B,) m of the bones, NaN = unknown.
@@ -84,7 +83,7 @@ class ReturnSearch:
             return BoneLengths(np.full(len(self._rows), np.nan), np.ones(len(self._rows)))
         rows = self._rows
         lengths = np.where(learnt.weights[rows] > 0.0, learnt.lengths[rows], np.nan)
-        return BoneLengths(lengths, learnt.variances[rows] + LASTING_SIGMA**2)
+        return BoneLengths(lengths, learnt.variances[rows] + LASTING * FRAME_SIGMA**2)
 
     def instant_lengths(self, positions: Array, covariances: Array) -> BoneLengths:
         """Return the bones (B,) of joints (J, 3) m with covariances (J, 3, 3) m^2 at an instant."""
@@ -97,12 +96,14 @@ class ReturnSearch:
         Args:
             possible: (T, P) False where a lost person and a new one are two people in any case.
         """
+        begins = np.array([one.time for one in new])
         time, watched = min((one.time, one.watched) for one in new)
         missed = np.maximum([watched - one.watched for one in lost], 0.0)
         unseen = np.maximum([time - one.time for one in lost], 0.0)
         gaps = np.array([one.place for one in lost])[:, None] - np.array([one.place for one in new])
         distances = np.linalg.norm(gaps, axis=-1)
         odds = bone_evidence(_bones(lost), _bones(new), self._groups) + place_evidence(distances, unseen)
+        possible = possible & (np.array([one.time for one in lost])[:, None] < begins + TAIL_S)
         near = possible & (distances <= (DISTANCE + SPEED * unseen)[:, None])
         return ReturnOdds(np.where(possible, odds, -np.inf), missed, near)
 
@@ -145,7 +146,7 @@ def _bones(people: Sequence[SeenPerson]) -> BoneLengths:
     return BoneLengths(np.stack([p.lengths for p in people]), np.stack([p.variances for p in people]))
 
 
-def watched_times(times: Array, frames: Array) -> Array:
+def watched_times(times: Array | float, frames: Array) -> Array:
     """Return times (T,) s on a clock that stands still in pauses of all cameras.
 
     Args:
@@ -158,73 +159,57 @@ def watched_times(times: Array, frames: Array) -> Array:
 
 
 def with_identities(
-    people: Sequence[tuple[PersonCurve, FirstAppearance]],
+    people: Sequence[tuple[PersonCurve, float]],
     skeleton: SkeletonModel,
     pairs: Array,
     frames: Array,
     interval: float,
 ) -> list[PersonCurve]:
-    """Return the curves in the order of their starts, numbered by person.
+    """Return the curves in the order of their appearance, numbered by person.
 
     Args:
-        people: Curves and the appearances.
+        people: Curves, and the times (s) at which the people appear.
         pairs: (P, 2) joints of the learnt lengths.
         frames: (F,) s, sorted times of the views of all cameras.
         interval: (s) time within which people have appeared together.
     """
     search = ReturnSearch(skeleton, pairs)
-    ordered = sorted(people, key=lambda one: float(one[0].seen[0]))
-    found = [person for person, _ in ordered]
-    firsts = list(range(len(found)))  # index of the first curve of the same person
+
+    def seen_at(person: PersonCurve, time: float) -> SeenPerson:
+        place, watched = numbering_places(person.at(np.array([time])))[0], watched_times(time, frames)
+        return SeenPerson(time, float(watched), place, *search.bone_lengths(person.bones))
+
+    ordered = sorted(people, key=lambda one: one[1])
+    firsts = [seen_at(person, time) for person, time in ordered]
+    found = [replace(person, id=-1) for person, _ in ordered]
     lost: dict[int, SeenPerson] = {}  # ends of the curves that no curve continues, by index
-    begin = 0
+    begin = count = 0
     while begin < len(found):
-        limit = float(found[begin].seen[0]) + interval
-        group = [k for k in range(begin, len(found)) if found[k].seen[0] <= limit]
-        ends = [(_end(found[k], 0, frames, search), _end(found[k], -1, frames, search)) for k in group]
-        numbers = list(lost)
-        possible = np.array([[_may_follow(found[t], found[k]) for k in group] for t in numbers], bool)
-        possible = possible.reshape(len(numbers), len(group))
-        away = [lost[t] for t in numbers]
-        firsts_seen = [first for first, _ in ends]
-        watched = min(one.watched for one in firsts_seen)
-        possible &= np.array([watched - one.watched <= RETURN_S for one in away], bool)[:, None]
-        for p, t in enumerate(search.returned(away, firsts_seen, possible).tolist()):
-            if t == NEW:
-                continue
-            earlier, k = numbers[t], group[p]
-            found[earlier] = replace(found[earlier], until=ends[p][0].time)
-            firsts[k] = firsts[earlier]
-            del lost[earlier]
-        lost |= {k: last for k, (_, last) in zip(group, ends)}
-        begin += len(group)
-    new = np.unique(firsts)
-    came = [ordered[k][1] for k in new.tolist()]
-    places, times = np.array([one.place for one in came]), np.array([one.time for one in came])
-    order = numbering_order(places.reshape(-1, 2), times, interval)
-    ids = {int(new[row]): number for number, row in enumerate(order.tolist())}
-    return [replace(person, id=ids[first]) for person, first in zip(found, firsts)]
+        first = firsts[begin]
+        group = [k for k in range(begin, len(found)) if firsts[k].time <= first.time + interval]
+        lost = {k: one for k, one in lost.items() if first.watched - one.watched <= RETURN_S}
+        numbers, new = list(lost), [firsts[k] for k in group]
+        shared = [[_share_view(found[t], found[k]) for k in group] for t in numbers]
+        possible = ~np.array(shared, bool).reshape(len(numbers), len(new))
+        for k, row in zip(group, search.returned(list(lost.values()), new, possible).tolist()):
+            if row != NEW:
+                earlier = numbers[row]
+                found[k] = replace(found[k], id=found[earlier].id)
+                found[earlier] = replace(found[earlier], until=float(found[k].seen[0]))
+                del lost[earlier]
+        group = [k for k in group if found[k].id < 0]
+        for row in numbering_order(np.array([firsts[k].place for k in group]).reshape(-1, 2)):
+            found[group[row]] = replace(found[group[row]], id=count)
+            count += 1
+        for k in range(begin, begin + len(new)):
+            lost[k] = seen_at(found[k], float(found[k].seen[-1]))
+        begin += len(new)
+    return found
 
 
-def _may_follow(earlier: PersonCurve, later: PersonCurve) -> bool:
-    """Return whether a curve may continue another one: no image shows both.
-
-    A track of a person who turns fast may lose most cameras to a new track, and end somewhat later.
-    """
-    begin, end = float(later.seen[0]), float(earlier.seen[-1])
-    if end < begin or end > begin + TAIL_S:
-        return end < begin
-    images = [
-        set(zip(one.rays.cameras[own].tolist(), one.rays.stamps[own].tolist()))
-        for one in (earlier, later)
-        for own in [(one.times >= begin - OVERLAP_S) & (one.times <= end + OVERLAP_S)]
-    ]
-    return images[0].isdisjoint(images[1])
-
-
-def _end(person: PersonCurve, view: int, frames: Array, search: ReturnSearch) -> SeenPerson:
-    """Return a person at its first view, 0, or at its last one, -1."""
-    time = person.seen[view : view + 1] if view >= 0 else person.seen[view:]
-    place = np.nanmedian(person.at(time)[0], axis=0)[:2]
-    watched = float(watched_times(time, frames)[0])
-    return SeenPerson(float(time[0]), watched, place, *search.bone_lengths(person.bones))
+def _share_view(earlier: PersonCurve, later: PersonCurve) -> bool:
+    """Return whether an image shows both."""
+    if earlier.seen[-1] < later.seen[0]:
+        return False
+    images = [set(zip(one.rays.cameras.tolist(), one.rays.stamps.tolist())) for one in (earlier, later)]
+    return not images[0].isdisjoint(images[1])

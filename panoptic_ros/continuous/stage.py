@@ -8,7 +8,6 @@ from collections.abc import Iterable
 from dataclasses import replace
 from math import ceil
 
-from panoptic_ros.continuous.appearance import FirstAppearance
 from panoptic_ros.continuous.bones import LearntLengths, PairDistances
 from panoptic_ros.continuous.config import ContinuousStageConfig
 from panoptic_ros.continuous.example import follow_example
@@ -96,7 +95,6 @@ class ContinuousStage(Stateful):
             TimedFrame,
             CameraClock,
             OnlinePerson,
-            FirstAppearance,
             ViewTrack,
             JointFilters,
             Entry,

@@ -107,6 +107,14 @@ def test_a_person_who_was_away_for_a_moment_keeps_the_id():
     assert ids[1.0] == [0, 1] and len(ids[2.0]) == 1 and ids[3.0] == [0, 1]
 
 
+def test_people_who_wait_for_longer_than_views_are_kept_get_numbers():
+    motion, _ = play(0.1)
+    for person in motion._people.values():
+        person.id, person.appeared = -1, float(STAMPS[0]) - 3.0
+    motion._number_people(float(STAMPS[-1]))
+    assert sorted(person.id for person in motion._people.values()) == [2, 3]
+
+
 def test_people_are_reported_for_half_a_second_without_views():
     motion, _ = play(0.1)
     last = float(STAMPS[-1])
