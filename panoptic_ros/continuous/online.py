@@ -15,7 +15,7 @@ from panoptic_ros.continuous.bones import (
     pair_distances,
     rigid_pairs,
 )
-from panoptic_ros.continuous.bystanders import are_inside
+from panoptic_ros.continuous.bystanders import are_inside, has_human_size
 from panoptic_ros.continuous.config import ContinuousStageConfig
 from panoptic_ros.continuous.curves import ORDER, KnotGrid
 from panoptic_ros.continuous.follow import ViewTrack, ViewTracker
@@ -229,6 +229,8 @@ class OnlineMotion:
         for person in (people[row] for row in np.flatnonzero(reported)):
             if person.noise is None or person.id < 0:
                 continue
+            if person.bones is not None and not has_human_size(person.bones.lengths):
+                continue
             if was_seen(np.array([time]), person.seen.times)[0]:
                 fit = self._fit(person, person.noise, time)
                 rays = fit.rays.weighted
@@ -387,7 +389,10 @@ class OnlineMotion:
             person.bones = learn_lengths(person.distances)
 
     def _is_inside(self, person: OnlinePerson) -> bool:
-        """Return whether a person is in the capture space now."""
+        """Return whether a person of human size is in the capture space now."""
+        ends = person.track.positions[self._pairs]
+        if not has_human_size(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)):
+            return False
         inside = are_inside(
             np.array([person.track.time]),
             person.track.positions[None],

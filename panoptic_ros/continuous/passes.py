@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from panoptic_ros.continuous.bones import rigid_pairs
-from panoptic_ros.continuous.bystanders import first_inside
+from panoptic_ros.continuous.bystanders import first_inside, has_human_size
 from panoptic_ros.continuous.clocks import DRIFT_ROUND, MARGIN_S, CameraTimes, FreeClocks, estimate_times
 from panoptic_ros.continuous.config import ContinuousConfig
 from panoptic_ros.continuous.faults import (
@@ -114,7 +114,7 @@ class ContinuousPass:
             corrected = seen._replace(times=times[seen.frames])
             person = self._person(k, seen, corrected.times, clocks)
             came = first_inside(corrected, person.at, period, self._rig.cameras, self._needed_views)
-            if came is not None:
+            if came is not None and has_human_size(person.bones.lengths):
                 people.append((person, came))
         progress(1.0, "fitting curves")
         motion = ContinuousMotion(
