@@ -10,8 +10,9 @@ from panoptic_ros.continuous.person import PersonCurve
 Array = np.ndarray
 SMOOTHING_S = 0.1  # s, standard deviation of the weights of the average; with 0.3 s, fast moments lose
 # share of the expected square that is subtracted, as covariances of curves are stated a little large. With 1,
-# captures of `faster` and `free` have .89 to .92 in 95 % ellipsoids, with 0 .98 to .995, with this .95 to .96
-SHARE = 0.5
+# 95 % ellipsoids hold .89 to .92 (`faster`, `free`, --subject) and .975 (preset, `crossing`); with this, .915
+# to .921 and .983; with 0.5, .937 to .957 and .989
+SHARE = 0.75
 
 
 def local_misfits(
@@ -19,8 +20,8 @@ def local_misfits(
 ) -> Array:
     """Return the variances (T, S) m^2 per axis by which a body model misses the curves of the joints.
 
-    Without misfit, the covariance of the difference is the difference of the covariances, as the estimate of
-    the body model is efficient (Hausman 1978). The remainder of the squared difference is averaged over time.
+    Without misfit, the covariance of the difference is the difference of the covariances, as one of the two
+    estimates is efficient (Hausman 1978). The remainder of the squared difference is averaged over time.
 
     Args:
         person: Curves that were fitted joint by joint.
@@ -34,7 +35,7 @@ def local_misfits(
         np.trace(values, axis1=-2, axis2=-1)
         for values in (person.covariances_at(times)[:, joints], covariances)
     )
-    beyond = np.nan_to_num(squares - SHARE * np.maximum(own - theirs, 0.0))
+    beyond = np.nan_to_num(squares - SHARE * np.abs(own - theirs))
     smooth = gaussian_filter1d(beyond, SMOOTHING_S / (times[1] - times[0]), axis=0)
     misfits: Array = np.maximum(smooth, 0.0) / 3.0
     return misfits
