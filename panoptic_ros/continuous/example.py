@@ -14,7 +14,7 @@ from panoptic_ros.solving.frames import CameraFrame
 CAMERAS, DISTANCE, FOCAL = 4, 4.0, 600.0  # number of cameras around the person, m, px
 SIZE = (640, 480)  # px
 VIEWS, STEP_S = 70, 0.01  # number of views, s between them
-EXTENT = 0.4  # m, standard deviation of the joints
+EXTENT = 0.15  # m, standard deviation of the joints: a person of human size
 
 
 def follow_example(skeleton: SkeletonModel) -> None:
