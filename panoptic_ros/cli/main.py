@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 
 import panoptic_ros
 from panoptic_ros.errors import PanopticError, UsageError, one_line
-from panoptic_ros.io.interruption import interrupted, listen_to_signals
+from panoptic_ros.io.interruption import interrupted, listen_to_signals, settle
 from panoptic_ros.io.kernel_cache import bad_path_told, full_disk_told
 
 VERBS: dict[str, str] = {
@@ -71,6 +71,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (Exception, KeyboardInterrupt) as error:
         # libraries convert a KeyboardInterrupt into errors of their own
         if interrupted() or isinstance(error, KeyboardInterrupt):
+            settle()
             print(f"{name}: interrupted", file=sys.stderr)
             return 2
         if not isinstance(error, PanopticError):
