@@ -178,6 +178,12 @@ class RequestStage(Protocol):
     def at(self, stamp_ns: int) -> Any:
         """Return the record of an instant (ns) in `instants`, from the input that has come."""
 
+    def before_output(self, look: Callable[[], None]) -> None:
+        """Call a function in each step once the input has been taken, before other output is computed.
+
+        The function may call the methods above. A step that gives no other output need not call it.
+        """
+
 
 # Passes: algorithms that need a whole recording.
 

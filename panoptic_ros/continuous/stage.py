@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from math import ceil
 
@@ -128,6 +128,7 @@ class ContinuousStage(Stateful):
         self._lag_ns = round(config.lag * SECOND)
         self._rate = exact_rate(config.rate_hz)
         self._waited_ns = 0
+        self._look: Callable[[], None] = _no_request
         self.reset()
         if config.active:
             camera_frames(easy_instants(context.rig, context.skeleton), self._arrays, context.skeleton)
@@ -230,6 +231,10 @@ class ContinuousStage(Stateful):
         """Return the people at an instant (ns) in `instants`, from the views that were taken."""
         return self._people_at(0, stamp_ns)
 
+    def before_output(self, look: Callable[[], None]) -> None:
+        """Call a function in each step before people at due instants are computed (see `RequestStage`)."""
+        self._look = look
+
     # ------------------------------------------------------------------ views
 
     def _check(self, view: ViewDetections) -> None:
@@ -297,7 +302,7 @@ class ContinuousStage(Stateful):
             at_end: no view follows, so all instants up to the newest view are due.
         """
         outputs: list[RefinedPoseSet] = []
-        left_out = 0
+        left_out, looked = 0, at_end
         known = (self._order.last_ns or self._newest_ns) if at_end else self._order.known_ns
         while known is not None:
             first = self._order.next_ns
@@ -312,6 +317,10 @@ class ContinuousStage(Stateful):
             if stamp > known if at_end else stamp + self._lag_ns >= known:
                 break
             self._take(stamp + self._lag_ns)
+            following = self._order.next_ns
+            if not looked and (following is None or following >= known):  # requests take no more views
+                looked = True
+                self._look()
             if self._next % (1 + self._waited_ns // LATE_NS) == 0:
                 outputs.append(self._people_at(self._index, stamp))
                 self._index += 1
@@ -330,6 +339,10 @@ class ContinuousStage(Stateful):
             people = [(person.id, person.report) for person in found]
         newest = self._newest_ns or -1
         return pose_set(index, stamp_ns, self._skeleton.hash, len(self._skeleton), people, newest)
+
+
+def _no_request() -> None:
+    """Stand for the answers to requests while there is no service."""
 
 
 def own(notices: Iterable[Notice]) -> list[Notice]:

@@ -246,6 +246,37 @@ def test_requested_instants_wait_for_their_views_and_change_nothing(plain):
     assert all(map(same, given, plain[0]))
 
 
+def test_requests_are_answered_before_other_output(plain, monkeypatch):
+    """An answer depends on the same views as without the call, and the other output does not change."""
+    stage, late, given, early, order = new(), new(), [], {}, []
+    regular = stage._people_at
+
+    def people_at(index, stamp_ns):
+        order.append(stamp_ns)
+        return regular(index, stamp_ns)
+
+    def look():
+        if waiting and stage.has_all_of(waiting[0]) and waiting[0] in stage.instants():
+            stamp = waiting.pop()
+            early[stamp] = stage.at(stamp)
+
+    monkeypatch.setattr(stage, "_people_at", people_at)
+    stage.before_output(look)
+    first = 0
+    for view in VIEWS:
+        asked = view.stamp_ns - SECOND // 10 - 1_234_567
+        waiting = [asked]
+        order.clear()
+        given += stage.step(view).outputs
+        first += bool(asked in early and order[0] == asked and len(order) > 1)
+        late.step(view)
+        if asked in early:
+            assert late.has_all_of(asked) and same(late.at(asked), early[asked])
+    given += stage.flush().outputs
+    assert all(map(same, given, plain[0])) and len(given) == len(plain[0])
+    assert first > 50
+
+
 def test_the_range_of_requests_is_that_of_the_kept_views():
     stage = new()
     for view in VIEWS:

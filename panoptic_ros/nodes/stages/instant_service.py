@@ -1,7 +1,7 @@
 """Service of a node for the records of requested instants, e.g. `/skeletons_at`.
 
 A request waits until all input that its instant needs has come, or until its patience is over. It is answered
-from the worker of the node, right after the step that brought the last input.
+from the worker of the node, in the step that brought the last input, before the other output of this step.
 """
 
 from __future__ import annotations
@@ -82,10 +82,15 @@ class InstantService:
         self._closed = True
 
     def look(self) -> None:
-        """Answer the requests whose input is complete; called on the worker after each step of the stage."""
+        """Answer the requests whose input is complete; called on the worker after each step of the stage.
+
+        The stage also calls it within its next steps.
+        """
+        stage = self._stage()
         for request in list(self._waiting):
-            if self._stage().has_all_of(request.stamp_ns):
+            if stage.has_all_of(request.stamp_ns):
                 self._end(request)
+        stage.before_output(self.look)
 
     # ------------------------------------------------------------------ requests
 

@@ -157,23 +157,33 @@ def _online(views: list[ViewDetections], context: StageContext) -> dict[str, flo
     """Return the figures of the stage on views in the order of their timestamps."""
     config = configure({"continuous": {"active": True, "rate_hz": ONLINE_HZ, "lag": LAG_S}})
     stage = ContinuousStage(config_of(config, ContinuousStageConfig), context)
-    cpu, answers, learning = 0.0, [], []
-    for k, view in enumerate(views):
-        begin = time.process_time()
-        stage.step(view)
-        cpu += time.process_time() - begin
-        if k % ASK_EVERY == 0:
-            stamp = view.stamp_ns - round(LAG_S * SECOND) - 1
-            if stage.has_all_of(stamp) and stamp in stage.instants():
+    cpu, answering, answers, learning = 0.0, 0.0, [], []
+    requested: list[int] = []  # stamps that wait for the next view
+
+    def look() -> None:
+        nonlocal answering
+        since = time.process_time()
+        if requested and stage.has_all_of(requested[0]):
+            stamp = requested.pop()
+            if stamp in stage.instants():
                 to_message(stage.at(stamp), bag_messages())
                 answers.append(1e3 * (time.process_time() - begin))
+        answering += time.process_time() - since
+
+    stage.before_output(look)
+    for k, view in enumerate(views):
+        requested = [view.stamp_ns - round(LAG_S * SECOND) - 1] if k % ASK_EVERY == 0 else []
+        begin = time.process_time()
+        stage.step(view)
+        look()  # as the service does
+        cpu += time.process_time() - begin
         begin = time.process_time()
         stage.settle()
         learning.append(1e3 * (time.process_time() - begin))
         cpu += 1e-3 * learning[-1]
     worked = [ms for ms in learning if ms > 0.1 * max(learning)]
     return {
-        "cpu_s": cpu,
+        "cpu_s": cpu - answering,
         "state_kb": 1e-3 * len(stage.state()),
         "answer_ms": float(np.median(answers)),
         "answer_p99_ms": float(np.percentile(answers, 99)),
