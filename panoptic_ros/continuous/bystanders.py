@@ -18,13 +18,16 @@ PART = 100  # number of instants that are tested at once
 # m, limits of the size of a person: for adults of 1.5 to 1.9 m it is 0.46 to 0.57 m. That of false people in
 # ten captures with bystanders is 0.14 m, or 3 m and more
 LEAST_SIZE, MOST_SIZE = 0.18, 1.0
-SIZE_PERCENTILE = 90.0  # percentile of distances within rigid parts that is the size: a wild joint is in few
+SIZE_SHARE = 0.9  # quantile of distances within rigid parts that is the size: a wild joint is in few
 
 
 def has_human_size(lengths: Array) -> bool:
     """Return whether distances (P,) m within rigid parts are those of a person; 0 or NaN = unknown."""
-    known = lengths[lengths > 0.0]
-    return not len(known) or LEAST_SIZE <= float(np.percentile(known, SIZE_PERCENTILE)) <= MOST_SIZE
+    known = np.sort(lengths[lengths > 0.0])
+    if not len(known):
+        return True
+    size = np.interp(SIZE_SHARE * (len(known) - 1), np.arange(len(known)), known)
+    return bool(LEAST_SIZE <= size <= MOST_SIZE)
 
 
 def are_inside(

@@ -64,10 +64,10 @@ def backward(lower, right):
     """Solve L^T x = right for right (n,), and write x to `right`."""
     n, width = lower.shape
     for i in range(n - 1, -1, -1):
-        value = right[i]
-        for k in range(1, min(width, n - i)):
-            value -= lower[i + k, k] * right[i + k]
-        right[i] = value / lower[i, 0]
+        row = lower[i]
+        right[i] = value = right[i] / row[0]
+        for k in range(1, min(width, i + 1)):
+            right[i - k] -= row[k] * value
 
 
 @njit(cache=True, error_model="numpy")

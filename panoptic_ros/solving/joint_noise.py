@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 Array = np.ndarray
@@ -26,9 +28,12 @@ class JointNoiseModel:
         self, cameras: Array, joints: Array, scores: Array, start: float, factors: list[Array] | None = None
     ):
         self._groups = (np.minimum((scores * SCORE_BINS).astype(np.int64), SCORE_BINS - 1), cameras, joints)
-        self._orders = [np.argsort(group, kind="stable") for group in self._groups]
         self._start = start
         self.factors = factors or [np.ones(int(group.max(initial=0)) + 1) for group in self._groups]
+
+    @cached_property
+    def _orders(self) -> list[Array]:
+        return [np.argsort(group, kind="stable") for group in self._groups]
 
     def sigmas(self) -> Array:
         """Return the standard deviations (N,) of the observations."""
