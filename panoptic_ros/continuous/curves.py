@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.geometry.splines import SPAN, weights_at
-from panoptic_ros.kernels import njit
+from panoptic_ros.kernels import inlined, njit
 from panoptic_ros.solving.bands import backward, factor, forward, inverse_in_band
 
 Array = np.ndarray
@@ -200,7 +200,7 @@ def add_rays(band, z, rays, first, last, grid):
                     band[at, a - b] += x * row[0, 3 * p + b] + y * row[1, 3 * p + b]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@inlined
 def whiten(rays, i, members, shares, work):
     """Write a ray minus its expectation given the previous rays of its camera, as a weighted sum of rays.
 
@@ -392,7 +392,7 @@ def persistence(fit, rays, grid, misses, variances):
     return min(max(moment / square / (total / number), 0.0), 0.9)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@inlined
 def along(rays, i, n, spread):
     """Return the trace (m^2) of the covariance of the curve along the rows of rays i and n."""
     value = 0.0
