@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import _thread
 import signal
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -37,10 +37,11 @@ def listen_to_signals(answer: Callable[[], None] | None = None) -> None:
         answer: called instead of raising KeyboardInterrupt.
     """
     repeated: list[bool] = []
-    main = threading.get_ident()  # handlers are installed and run in the main thread
+    main = _thread.get_ident()  # handlers are installed and run in the main thread
 
     def repeat(number: int) -> None:
         def send() -> None:
+            time.sleep(REPEAT_S)
             if not _unhandled:
                 return
             if signal.getsignal(number) is not hear:  # within `requests_held`
@@ -49,9 +50,8 @@ def listen_to_signals(answer: Callable[[], None] | None = None) -> None:
             repeated.append(True)
             signal.pthread_kill(main, number)
 
-        timer = threading.Timer(REPEAT_S, send)
-        timer.daemon = True
-        timer.start()
+        # `threading` takes a lock that the interrupted code may hold
+        _thread.start_new_thread(send, ())
 
     def hear(number: int, frame: FrameType | None) -> None:
         new = not (repeated and repeated.pop()) and _is_heeded()
