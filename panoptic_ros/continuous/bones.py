@@ -14,6 +14,7 @@ from panoptic_ros.continuous.block_bands import covariances_in_band, factor_bloc
 from panoptic_ros.continuous.curves import WIDTH, CurveFit, covariances_at, normal_equations
 from panoptic_ros.continuous.problem import CurveProblem
 from panoptic_ros.domain import SkeletonModel
+from panoptic_ros.geometry.medians import row_medians
 from panoptic_ros.geometry.splines import SPAN, spline, weights_at
 from panoptic_ros.kernels import njit
 
@@ -108,9 +109,9 @@ def learn_lengths(distances: PairDistances) -> LearntLengths:
     shown = (usual[:, 0] < LEAST_CERTAIN**2) & (distances.lengths > 0.0).any(axis=1)
     certain = (distances.variances < 2.0 * usual) | ~shown[:, None]
     lengths = np.where(certain, distances.lengths, np.nan)
-    middle = _row_medians(lengths)
-    spread = (1.4826 * _row_medians(np.abs(lengths - middle[:, None]))) ** 2
-    noise = _row_medians(np.where(certain, distances.variances, np.nan))
+    middle = row_medians(lengths)
+    spread = (1.4826 * row_medians(np.abs(lengths - middle[:, None]))) ** 2
+    noise = row_medians(np.where(certain, distances.variances, np.nan))
     spread -= noise
     noise /= np.maximum(certain.sum(axis=1) * INTERVAL_S / (2.0 * NOISE_S), 1.0)
     error = np.where(spread > RIGID**2, spread, np.maximum(noise, LEAST_ERROR**2))
@@ -120,14 +121,6 @@ def learn_lengths(distances: PairDistances) -> LearntLengths:
         np.where((spread > FREE**2) | ~shown, 0.0, weights),
         np.maximum(spread, 0.0) + noise * CORRELATION_S / NOISE_S,
     )
-
-
-def _row_medians(values: Array) -> Array:
-    """Return the medians (P,) of the rows (P, N) without NaN, in a tenth of the time of `nanmedian`."""
-    ordered = np.sort(values, axis=1)  # NaN come last
-    counts, rows = (~np.isnan(values)).sum(axis=1), np.arange(len(values))
-    medians: Array = 0.5 * (ordered[rows, (counts - 1) // 2] + ordered[rows, counts // 2])
-    return medians
 
 
 def length_weights(problem: CurveProblem, fit: CurveFit, pairs: Array, learnt: LearntLengths) -> Array:

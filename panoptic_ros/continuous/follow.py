@@ -24,6 +24,7 @@ from panoptic_ros.continuous.motion import (
 )
 from panoptic_ros.continuous.view_costs import SIGMA, ambiguous, view_costs
 from panoptic_ros.domain.rig_arrays import RigArrays
+from panoptic_ros.geometry.medians import finite_median
 from panoptic_ros.identity.assignment import best_pairs
 from panoptic_ros.solving.frames import CameraFrame
 
@@ -124,7 +125,7 @@ class ViewTrack:
             plane, known = plane[mirror], known[mirror]
         squares = update(self.filters, view, plane, known, UNSURE * SIGMA if unsure else SIGMA)
         self.last = self.time
-        depth = middle(self.positions @ view.rotation[2]) + float(view.translation[2])
+        depth = finite_median(self.positions @ view.rotation[2]) + float(view.translation[2])
         self.entries.append(Entry(number, person, depth, mirror is not None, squares))
         self.exchanged += mirror is not None
         self.cameras.add(frame.camera)
@@ -377,13 +378,6 @@ def follow(frames: Sequence[CameraFrame], times: Array, arrays: RigArrays, mirro
     tracks = tracker.finish()
     _extend(tracker, tracks, frames, times, mirror)
     return tracks
-
-
-def middle(values: Array) -> float:
-    """Return the median of the finite values, NaN without any, in a tenth of the time of `nanmedian`."""
-    known = np.sort(values[np.isfinite(values)])
-    half = len(known) // 2
-    return float(0.5 * (known[half] + known[~half])) if len(known) else np.nan
 
 
 def camera_periods(frames: Sequence[CameraFrame], times: Array) -> list[float]:

@@ -6,7 +6,7 @@ import captures
 import numpy as np
 from free_cameras import FreeCapture
 
-from panoptic_ros.continuous.follow import follow, middle
+from panoptic_ros.continuous.follow import follow
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.solving.frames import camera_frames
 
@@ -85,9 +85,3 @@ def test_people_whom_a_detector_reports_twice_are_one_person():
             )
         capture.sets[k] = replace(item, views=(view,))
     assert len(followed(capture)[3]) == 2
-
-
-def test_middle_is_the_median_of_the_finite_values():
-    values = np.array([3.0, np.nan, 1.0, 7.0, np.nan, 4.0])
-    assert middle(values) == np.nanmedian(values) == 3.5 and middle(values[:-1]) == 3.0
-    assert np.isnan(middle(values[[1]]))

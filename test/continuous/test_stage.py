@@ -247,7 +247,7 @@ def test_requested_instants_wait_for_their_views_and_change_nothing(plain):
 
 
 def test_requests_are_answered_before_other_output(plain, monkeypatch):
-    """An answer depends on the same views as without the call, and the other output does not change."""
+    """Answers and the other output are the same as for requests after the step."""
     stage, late, given, early, order = new(), new(), [], {}, []
     regular = stage._people_at
 

@@ -109,6 +109,7 @@ def test_an_interruption_that_met_a_destructor_interrupts_later():
     with raised():
         Destroyed()
         time.sleep(5.0)
+    assert len(interruption._interruptions) == 2  # the lost one, and once more
 
 
 def clear_errors():
@@ -121,6 +122,7 @@ def test_an_interruption_that_c_code_clears_is_raised_again():
     with raised():
         clear_errors()()
         time.sleep(5.0)
+    assert len(interruption._interruptions) == 2  # the lost one, and once more
 
 
 def test_an_interruption_is_not_raised_again_while_it_is_handled():
@@ -145,6 +147,7 @@ def test_an_interruption_waits_for_held_requests():
         with interruption.requests_held():
             time.sleep(5 * interruption.REPEAT_S)
         time.sleep(5.0)
+    assert len(interruption._interruptions) == 2  # the lost one, and once more
 
 
 @pytest.mark.parametrize("module", ["llvmlite.binding.ffi", "numba.core.serialize"])
